@@ -116,6 +116,7 @@ def server(place: Path) -> Iterator[WebServer]:
 def test_machines_with_no_or_another_lab3_are_taken_out_and_named(
     place: Path, alone: dict[str, bytes], tmp_path: Path
 ) -> None:
+    """The scheduler has no lab3 at all, and needs none."""
     said: list[str] = []
     faults = {
         WITHOUT_LAB3: "lab3-usd is not installed there; install lab3-usd ",
@@ -123,31 +124,23 @@ def test_machines_with_no_or_another_lab3_are_taken_out_and_named(
         FIRST_RELEASE: "another release of lab3-usd is installed there, not ",
         WITHOUT_ROOM: "No space left on device: /tmp",
     }
-    with cluster_of(1, tmp_path / "temporary") as cluster:
-        address = cluster.scheduler_address
+    with scheduler(tmp_path / "s", WITHOUT_LAB3) as running:
+        address = running.address
         with (
+            machine(address, tmp_path / "m"),
             machine(address, tmp_path / "0", WITHOUT_LAB3) as bare,
             machine(address, tmp_path / "1", ANOTHER_RELEASE) as other,
             machine(address, tmp_path / "2", FIRST_RELEASE) as first,
             machine(address, tmp_path / "3", WITHOUT_ROOM) as full,
         ):
-            found = graded_on(cluster, place, tmp_path / "book", said.append)
+            runner = cluster_runner(address, said.append)
+            grade_class(ClassSettings(place, starter(), tmp_path / "book", runner=runner))
             machines = (bare.address, other.address, first.address, full.address)
-    assert found == alone
+    assert files_below(tmp_path / "book") == alone
     assert len(said) == len(machines)
     for named, reason in zip(machines, faults.values(), strict=True):
         (line,) = [line for line in said if line.startswith(f"{named}: ")]
         assert line.startswith(f"{named}: judges nothing more in this run: {reason}")
-
-
-def test_a_scheduler_needs_no_lab3(place: Path, alone: dict[str, bytes], tmp_path: Path) -> None:
-    with (
-        scheduler(tmp_path / "s", WITHOUT_LAB3) as running,
-        machine(running.address, tmp_path / "m"),
-    ):
-        runner = cluster_runner(running.address)
-        grade_class(ClassSettings(place, starter(), tmp_path / "book", runner=runner))
-    assert files_below(tmp_path / "book") == alone
 
 
 def test_a_cluster_in_which_nobody_can_judge_is_one_error_that_says_why(

@@ -130,7 +130,7 @@ def a_file_beyond_the_limit(folder: Path, kit: Kit) -> None:
 
 @hostile
 def a_long_chain_of_sublayers(folder: Path, kit: Kit) -> None:
-    for index in range(300):
+    for index in range(150):
         text(folder, sublayers(f"@./chain_{index + 1}.usda@"), f"chain_{index}.usda")
     text(folder, sublayers("@./chain_0.usda@"))
 
@@ -488,8 +488,8 @@ def evidence_without_end(folder: Path, kit: Kit) -> None:
     (folder / "work").mkdir()
     (folder / "results").mkdir()
     text(folder / "work", WORLD)
-    (folder / "results" / "topics.txt").write_bytes(b"/scan\n" * 100_000)
-    (folder / "results" / "line.txt").write_bytes(b"- " * 200_000)
+    (folder / "results" / "topics.txt").write_bytes(b"/scan\n" * 50_000)
+    (folder / "results" / "line.txt").write_bytes(b"- " * 100_000)
 
 
 @hostile
