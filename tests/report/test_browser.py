@@ -66,6 +66,9 @@ def pages(tmp_path_factory: pytest.TempPathFactory) -> dict[str, Path]:
 
 def attack(stage: Usd.Stage) -> None:
     """Put markup into every string that a stage can bring onto the page."""
+    for graph in LAB.graphs.values():
+        if graph.path not in {CLOCK, DRIVE, TF} and stage.GetPrimAtPath(graph.path):
+            stage.RemovePrim(graph.path)
     for path in (CLOCK, DRIVE, TF):
         for prim in stage.GetPrimAtPath(path).GetChildren():
             prim.SetDisplayName(ATTACKS[0])
