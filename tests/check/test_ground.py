@@ -35,7 +35,7 @@ FALLS = {
 }
 
 
-@pytest.mark.parametrize("checkpoint", ["00", "05"])
+@pytest.mark.parametrize("checkpoint", ["00", "02"])
 @pytest.mark.parametrize("change", FALLS.values(), ids=FALLS)
 def test_a_ground_that_falls_is_no_ground(change: Change, checkpoint: str) -> None:
     stage = built(checkpoint)
@@ -72,7 +72,7 @@ STAYS = {
 
 @pytest.mark.parametrize("change", STAYS.values(), ids=STAYS)
 def test_a_ground_that_stays_carries_the_robot(change: Change) -> None:
-    assert [each for each in told_after("05", change) if each[0] in ("S13", "S19")] == []
+    assert [each for each in told_after("02", change) if each[0] in ("S13", "S19")] == []
 
 
 def test_a_second_ground_that_stays_is_enough() -> None:
