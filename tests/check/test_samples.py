@@ -26,7 +26,7 @@ TOPIC = "ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:topicName"
 
 
 def errors(*steps: dict[str, object]) -> list[tuple[str, str]]:
-    findings = judged(broken("05", list(steps)), "05").findings
+    findings = judged(broken("04", list(steps)), "04").findings
     return [(finding.rule, finding.severity) for finding in findings if finding.severity != "note"]
 
 
@@ -268,7 +268,7 @@ def test_what_changes_later_is_said_where_it_is(
     where: str, first: object, then: object, severity: str
 ) -> None:
     found = judged(
-        broken("05", [{"sample": [where, 0, first]}, {"sample": [where, 9, then]}]), "05"
+        broken("04", [{"sample": [where, 0, first]}, {"sample": [where, 9, then]}]), "04"
     ).findings
     prim, name = place(where).split(".")
     assert [(f.rule, f.prim, f.property, f.severity) for f in found if f.severity != "note"] == [
