@@ -222,11 +222,17 @@ def tf_view(subject: StageSubject) -> TfView:
 
 def is_altered_by_wires(edge: Edge, view: TfView) -> bool:
     """Whether wires made of the frames that a node computes something that it does not compute."""
-    cause = view.live_nodes.get(edge.cause)
-    if cause is None or edge.cause == edge.publisher:
+    if edge.cause not in view.live_nodes or edge.cause == edge.publisher:
         return False
-    pairs = computed_pairs(cause, view.subject.stage, view.subject.lab.platform)
-    return all((edge.parent, edge.child) != (pair.parent, pair.child) for pair in pairs)
+    computed = _computed_by(view.subject.stage, view.subject.lab.platform, edge.cause)
+    return (edge.parent, edge.child) not in computed
+
+
+@once_per_stage
+def _computed_by(stage: StageModel, platform: Platform, path: str) -> frozenset[tuple[str, str]]:
+    """Return the parents and children among the frames that a live node computes."""
+    pairs = computed_pairs(live_nodes(stage, platform)[path], stage, platform)
+    return frozenset((pair.parent, pair.child) for pair in pairs)
 
 
 def differs_from_spec(path: str, view: TfView) -> bool:

@@ -24,9 +24,10 @@ from lab3_usd.model.physics import (
     is_body,
     joints,
     numbers,
+    rigid_bodies,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below, upwards
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import decompose
 
 if TYPE_CHECKING:
@@ -72,10 +73,9 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
     `Joint.cpp:132-140` and `Articulation.cpp:34-66`.
     """
     stage = subject.stage
-    tied = _tied_bodies(stage)
     lost: dict[tuple[str, bool], list[Prim]] = {}
     for prim in stage.with_api(lambda api: api in {BODY_API, COLLISION_API}):
-        is_asked = prim.present and _is_tied(prim, tied, stage)
+        is_asked = prim.present and _is_tied(prim, stage)
         owners = prim.relationships.get(_OWNER, ()) if is_asked else ()
         if owners and not any(_is_scene(owner, stage) for owner in owners):
             lost.setdefault((owners[0], is_body(prim)), []).append(prim)
@@ -161,7 +161,6 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
     `Collision.cpp:86-310`, and `usdLoad/Mass.cpp:50-90, 465`.
     """
     stage = subject.stage
-    tied = _tied_bodies(stage)
     for joint in joints(stage):
         for name in BODIES:
             targets = joint.relationships.get(name, ())
@@ -174,10 +173,10 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
                     actual=", ".join(targets),
                 )
     for prim in stage.with_api(lambda api: api in {MASS_API, BODY_API}):
-        if prim.present and _is_tied(prim, tied, stage):
+        if prim.present and _is_tied(prim, stage):
             yield from _ignored_masses(prim, stage)
     for shape in stage.with_api(COLLISION_API):
-        scale = _uneven(shape) if _is_tied(shape, tied, stage) and collides(shape) else ""
+        scale = _uneven(shape) if _is_tied(shape, stage) and collides(shape) else ""
         if scale:
             yield Problem(
                 shape.path,
@@ -220,15 +219,16 @@ def _parts(value: Value | None) -> list[float]:
     return numbers(value) if isinstance(value, tuple) else numbers((value or 0.0,))
 
 
-def _tied_bodies(stage: StageModel) -> set[str]:
-    return {path for joint in joints(stage) for path in bodies(joint) if path}
+@once_per_stage
+def _tied_bodies(stage: StageModel) -> frozenset[str]:
+    return frozenset(path for joint in joints(stage) for path in bodies(joint) if path)
 
 
-def _is_tied(prim: Prim, tied: set[str], stage: StageModel) -> bool:
+def _is_tied(prim: Prim, stage: StageModel) -> bool:
     """Whether a prim is a body that a joint ties, or belongs to one."""
+    known, tied = rigid_bodies(stage), _tied_bodies(stage)
     for path in upwards(prim.path):
-        above = stage.prim(path)
-        if above is not None and is_body(above):
+        if path in known:
             return path in tied
     return False
 
