@@ -21,6 +21,7 @@ from agreement_stages import (
     contradictions_of,
     once_contradictory,
 )
+from any_stages import BRIEFLY
 from breaking import correct_stage
 from foreign_robots import rover
 from invoking import invoke
@@ -35,7 +36,7 @@ MADE_UP = "acme.clock.PublishClock"  # a name of a node type that only a lab kno
 
 @pytest.mark.parametrize("subject", once_contradictory()[::ONCE], ids=lambda each: each.name)
 def test_commands_agree_where_they_once_did_not(subject: Subject) -> None:
-    left = unexplained(contradictions_of(subject))
+    left = unexplained(contradictions_of(subject, BRIEFLY))
     today = CONTRADICTORY["stages"][subject.name].get("today", [])
     assert [f"{each.question}: {each.answers}" for each in left] == today
 
@@ -43,13 +44,13 @@ def test_commands_agree_where_they_once_did_not(subject: Subject) -> None:
 @pytest.mark.parametrize("name", [*CONTRADICTORY["cases"]][::ONCE])
 def test_commands_agree_on_a_case_where_they_once_did_not(name: str) -> None:
     subject = next(each for each in all_subjects() if each.name == name)
-    assert not unexplained(contradictions_of(subject))
+    assert not unexplained(contradictions_of(subject, BRIEFLY))
 
 
 def test_commands_agree_on_some_of_all_stages() -> None:
     sample = [each for each in all_subjects() if crc32(each.name.encode()) % SHARE == 0]
     assert len(sample) >= 3
-    found = [each for subject in sample for each in contradictions_of(subject)]
+    found = [each for subject in sample for each in contradictions_of(subject, BRIEFLY)]
     left = unexplained(found)
     assert Counter(each.question for each in left) == CONTRADICTORY["sample"], "\n".join(
         map(str, left)

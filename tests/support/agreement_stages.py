@@ -38,13 +38,14 @@ class Subject(NamedTuple):
     checkpoint: str = ""
 
 
-def contradictions_of(subject: Subject) -> list[Contradiction]:
-    """Ask all commands about one stage."""
+def contradictions_of(subject: Subject, drive: str = "") -> list[Contradiction]:
+    """Ask all commands about one stage, whose robots are driven as `drive` says."""
     make, checkpoint = subject.make, subject.checkpoint
     try:
-        said = (
-            answers(make, checkpoint) if isinstance(make, Path) else answers_of(make(), checkpoint)
-        )
+        if isinstance(make, Path):
+            said = answers(make, checkpoint, drive)
+        else:
+            said = answers_of(make(), checkpoint, drive)
     except NoAnswerError as error:
         return [Contradiction("crashes", str(error), subject.name)]
     return contradictions(said, subject.name)
