@@ -71,13 +71,14 @@ def context_inputs(stage: StageModel, platform: Platform) -> tuple[ContextInput,
 
 
 def invalid_contexts(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str, Value]]:
-    """Yield the nodes that hold a number as their context, with its input and the number.
+    """Yield the nodes whose context is a number that they hold or a constant gives.
 
-    Nothing made a context of that number (Ros2Node.h:152-161).
+    With each come its input and the number, of which nothing made a context (Ros2Node.h:152-161).
     """
+    live = live_nodes(stage, platform)
     for entry in context_inputs(stage, platform):
-        handle = entry.node.value(entry.port)
-        if handle and not entry.node.sources(entry.port):
+        handle = effective_value(entry.node, entry.port, live)
+        if handle:
             yield entry.node, entry.port, handle
 
 

@@ -31,13 +31,13 @@ from lab3_usd.model.physics import number
 from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
 
 
-def needs_of(node: Node, platform: Platform) -> Iterator[Need]:
+def needs_of(node: Node, platform: Platform, live: Nodes) -> Iterator[Need]:
     """Yield what a node needs by the platform, as it is set and wired."""
     kind = node.type
     for need in platform.needs.get(kind.type, ()) if kind is not None else ():
         if not is_within(platform.release, "", need.until):
             continue
-        if need.when and not (is_given(node, need.when) or _is_on(node, need.when)):
+        if need.when and not (is_given(node, need.when, live) or _is_on(node, need.when)):
             continue
         if need.when_wired and not node.sources(INPUT + need.when_wired):
             continue
@@ -46,11 +46,11 @@ def needs_of(node: Node, platform: Platform) -> Iterator[Need]:
         yield need
 
 
-def unmet_needs(node: Node, platform: Platform) -> Iterator[Need]:
+def unmet_needs(node: Node, platform: Platform, live: Nodes) -> Iterator[Need]:
     """Yield what a node needs by the platform and does not get."""
-    for need in needs_of(node, platform):
+    for need in needs_of(node, platform, live):
         names = [name for name in need.inputs if node.type and INPUT + name in node.type.ports]
-        if names and not any(_is_met(node, name, need) for name in names):
+        if names and not any(_is_met(node, name, need, live) for name in names):
             yield need
 
 
@@ -70,7 +70,7 @@ def is_needed(node: Node, port: str, stage: StageModel, platform: Platform) -> b
     value = None if state is None else state.value
     if items is not None and port in (*items.filled, *items.empty):
         return value in (None, "")
-    for need in needs_of(node, platform):
+    for need in needs_of(node, platform, live):
         if port.removeprefix(INPUT) in need.inputs:
             is_written = value is not None and (need.zero_counts or not is_nothing(value))
             others = (INPUT + name for name in need.inputs if INPUT + name != port)
@@ -89,12 +89,14 @@ def _brings_data(node: Node, port: str, live: Nodes) -> bool:
     return bool(state.targets) or not (state.value is None or is_nothing(state.value))
 
 
-def _is_met(node: Node, name: str, need: Need) -> bool:
-    """Whether an input is given, or somebody wrote a zero that counts."""
-    if is_given(node, name):
-        return True
+def _is_met(node: Node, name: str, need: Need, live: Nodes) -> bool:
+    """Whether an input is given, and changes where it has to, or is a written zero that counts."""
+    if is_given(node, name, live):
+        return not need.changing or _fixed(node, INPUT + name, live) is None
     state = node.state(INPUT + name)
-    return need.zero_counts and state is not None and state.value not in (None, ())
+    if state is None or not need.zero_counts:
+        return False
+    return bool(state.sources) or state.value not in (None, ())
 
 
 def _is_on(node: Node, name: str) -> bool:
@@ -102,21 +104,29 @@ def _is_on(node: Node, name: str) -> bool:
     return node.value(INPUT + name) is True
 
 
-def is_given(node: Node, name: str) -> bool:
+def is_given(node: Node, name: str, live: Nodes) -> bool:
     """Whether an input is wired, names a prim, or holds more than nothing.
 
-    A wire counts wherever it leads: another rule says where it leads to nothing.
+    A wire counts, but from a constant that is nothing itself: another rule says where a wire leads
+    to no node.
     """
     port = INPUT + name
     state = node.state(port)
     if state is not None and (state.sources or state.targets):
-        return True
+        value = _fixed(node, port, live)
+        return value is None or not is_nothing(value)
     value = None if state is None else state.value
     if value is None or is_nothing(value):
         return False
     known = None if node.type is None else node.type.port(port)
     # The default of a quaternion, written down, says nothing.
     return known is None or not isinstance(value, tuple) or value != known.default
+
+
+def _fixed(node: Node, port: str, live: Nodes) -> Value | None:
+    """Return the value of an input that never changes, None where a wire brings another one."""
+    is_dead = bool(node.sources(port)) and not any(live_sources(node, port, live))
+    return None if is_dead else effective_value(node, port, live)
 
 
 def is_nothing(value: Value) -> bool:

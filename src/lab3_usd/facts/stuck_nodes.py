@@ -156,15 +156,16 @@ def _without_body(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
 
 
 def _without_prim(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+    live = live_nodes(stage, platform)
     for node in nodes_of(lambda kind: kind.type in platform.targets, stage, platform):
         asked = None if node.type is None else platform.targets.get(node.type.type)
         if asked is None:
             continue
         port = INPUT + asked.input
-        lacking = [need for need in unmet_needs(node, platform) if asked.input in need.inputs]
+        lacking = [need for need in unmet_needs(node, platform, live) if asked.input in need.inputs]
         if lacking:
             yield Stuck(node, f"{port} names no prim")
-        elif node.targets(port) and not _has_other(node, asked, platform):
+        elif node.targets(port) and not _has_other(node, asked, platform, live):
             yield from _without_target(node, port, stage, platform)
             unread = refused_target(node, stage, platform)
             path = node.targets(port)[0]
@@ -180,11 +181,11 @@ def _is_hollow(path: str, stage: StageModel) -> bool:
     return bool(roots) and not has_body and all(is_empty(root, stage) for root in roots)
 
 
-def _has_other(node: Node, asked: TargetOf, platform: Platform) -> bool:
+def _has_other(node: Node, asked: TargetOf, platform: Platform, live: Nodes) -> bool:
     """Whether a node is given something that it works with instead of its prim."""
     needs = platform.needs.get(node.type.type, ()) if node.type is not None else ()
     others = (name for need in needs if asked.input in need.inputs for name in need.inputs)
-    return any(is_given(node, name) for name in others if name != asked.input)
+    return any(is_given(node, name, live) for name in others if name != asked.input)
 
 
 class RefusedTarget(Struct, frozen=True, eq=False):

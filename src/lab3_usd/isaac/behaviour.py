@@ -17,9 +17,9 @@ class Need(Struct, frozen=True, forbid_unknown_fields=True):
 
     With `when` it needs it only where that input is wired or set, or switched on, with
     `when_wired` where it is wired, and with `unless` where it is not switched on. With
-    `zero_counts`, zeros that somebody wrote are as good as other values. `effect` says what
-    happens without, `source` names the file of Isaac Sim that shows it. `until` is the last release
-    in which it does, '' where all do.
+    `zero_counts`, zeros that somebody wrote are as good as other values; with `changing`, a value
+    that stays the same is as good as none. `effect` says what happens without, `source` names the
+    file of Isaac Sim that shows it. `until` is the last release in which it does, '' where all do.
     """
 
     inputs: tuple[str, ...]
@@ -29,6 +29,7 @@ class Need(Struct, frozen=True, forbid_unknown_fields=True):
     when_wired: str = ""
     unless: str = ""
     zero_counts: bool = False
+    changing: bool = False
     severity: Literal["error", "warning"] = "error"
     until: str = ""
 

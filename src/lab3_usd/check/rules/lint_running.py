@@ -30,13 +30,15 @@ from lab3_usd.facts.stalled_nodes import (
     Stop,
     feeds,
     has_side_effects,
+    is_nothing,
     is_wired,
     stops,
     unmet_needs,
 )
+from lab3_usd.isaac.behaviour import Need
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import Connect, Edit
-from lab3_usd.model.finding import Problem, Severity, short_source
+from lab3_usd.model.finding import Problem, Severity, display, short_source
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import OVER, Node
 
@@ -348,8 +350,9 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
 
     Why: an input without a wire and a value is 0 or empty. A publisher without a time stamps every
     message with 0, a helper without a render product publishes nothing, a controller without a
-    wheel radius gives no command. Isaac Sim reports nothing, or logs a line each frame. In a file
-    with graphs but neither robot nor sensor, another stage may supply the prims: a warning.
+    wheel radius gives no command. A time that stays the same is no better. Isaac Sim reports
+    nothing, or logs a line each frame. In a file with graphs but neither robot nor sensor, another
+    stage may supply the prims: a warning.
 
     Fix: connect the input to the node that computes it, or set it in the Property panel.
 
@@ -359,7 +362,7 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
     for node in nodes_of(lambda kind: kind.type in needs, subject.stage, subject.platform):
         if not (subject.runs(node.path) or is_wired(node, subject.stage, subject.platform)):
             continue
-        for need in unmet_needs(node, subject.platform):
+        for need in unmet_needs(node, subject.platform, subject.live):
             may_be_filled = subject.is_module and any(
                 node.type is not None and node.type.ports[INPUT + name].is_target
                 for name in need.inputs
@@ -367,13 +370,15 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
             )
             known = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
             names = " and ".join(f"inputs:{name}" for name in known)
+            fixed, is_zero = _fixed_input(node, known, need, subject)
             is_unset = (
                 "are not connected and have" if len(known) > 1 else "is not connected and has"
             )
             wire = likely_wire(node, f"inputs:{known[0]}", subject) if len(known) == 1 else ()
+            wire = () if fixed else wire
             yield Problem(
                 node.path,
-                f"{names} {is_unset} no value: {need.effect}",
+                (fixed or f"{names} {is_unset} no value") + (f": {need.effect}" if is_zero else ""),
                 property=f"inputs:{known[0]}",
                 expected="a wire or a value",
                 hint=_hint_of(wire),
@@ -382,6 +387,18 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
                 severity="warning" if need.severity == "warning" or may_be_filled else None,
                 rests_on=subject.stage.unknown_inputs(node),
             )
+
+
+def _fixed_input(
+    node: Node, names: list[str], need: Need, subject: LintSubject
+) -> tuple[str, bool]:
+    """Say which of some inputs has a useless value, '' for none, and whether that is nothing."""
+    for port in (INPUT + name for name in names):
+        value = effective_value(node, port, subject.live)
+        is_kept = need.changing and value is not None and not is_nothing(value)
+        if value is not None and (node.sources(port) or is_kept):
+            return f"{port} is always {display(value)}", is_nothing(value)
+    return "", True
 
 
 def _hint_of(wire: tuple[Edit, ...]) -> str | None:

@@ -44,9 +44,8 @@ def invalid_qos(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:qosProfile = '{"reliability": "bestEffort"}'`.
     """
     for endpoint in endpoints(subject.stage, subject.platform):
-        written = endpoint.node.value(PROFILE)
-        is_wired = bool(endpoint.node.sources(PROFILE))
-        if endpoint.qos is None and isinstance(written, str) and written and not is_wired:
+        written = effective_value(endpoint.node, PROFILE, subject.live)
+        if endpoint.qos is None and isinstance(written, str) and written:
             yield Problem(
                 endpoint.node.path,
                 f"{PROFILE} is not a profile that Isaac Sim can read: {endpoint.topic} is not "

@@ -166,7 +166,11 @@ def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
     """Return the quantities that the inputs of a node are meant for; a stamp that counts is one."""
     known = None if node.type is None else subject.platform.quantities.get(node.type.type)
     takes = {} if known is None else {INPUT + short: each for short, each in known.takes.items()}
-    needed = {INPUT + name for need in needs_of(node, subject.platform) for name in need.inputs}
+    needed = {
+        INPUT + name
+        for need in needs_of(node, subject.platform, subject.live)
+        for name in need.inputs
+    }
     return {**takes, STAMP: (_TIME,)} if STAMP in needed else takes
 
 
