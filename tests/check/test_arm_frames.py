@@ -10,6 +10,7 @@ from foreign_robots import arm
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 
+from lab3_usd.check.registry import frame_places
 from lab3_usd.model.finding import StageResult
 from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.pipeline.stage import check_stage
@@ -91,7 +92,7 @@ def test_links_that_are_no_targets_are_missing_frames(
     result = judged(lab, tmp_path, aim(TARGETS, *(f"/arm/{link}" for link in kept)))
     assert found(result, "error") == [("T01", TARGETS)]
     (finding,) = result.findings
-    assert finding.frames == tuple(link for link in LINKS if link not in kept)
+    assert finding.covers == frame_places(*(link for link in LINKS if link not in kept))
     assert finding.expected == "/arm"
     assert unmet(result) == [f"TF/frame/{link}" for link in LINKS if link not in kept]
 

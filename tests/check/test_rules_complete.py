@@ -152,7 +152,7 @@ def test_a_family_asked_for_alone_is_whole_and_alone() -> None:
 
 def test_a_stage_is_judged_by_every_rule_of_its_scopes() -> None:
     scopes = {"graph": checker.GRAPH_FAMILIES, "model": ("F",)} | dict.fromkeys(
-        ("stage", "robot", "frames", "outcome"), checker.STAGE_FAMILIES
+        ("stage", "robot", "frames", "requirements"), checker.STAGE_FAMILIES
     )
     for scope, families in scopes.items():
         wanted = [rule.id for rule in RULES if rule.scope == scope]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct, field
@@ -25,9 +25,7 @@ from lab3_usd.check.requirements import (
     with_unmet,
 )
 from lab3_usd.check.robot.location import (
-    demanded_prims,
     is_root_articulated,
-    lost_graphs,
     relocated_lab,
     relocated_spec,
     robot_relocations,
@@ -74,8 +72,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     placed = relocated_lab(lab, relocations)
     at_root = [robot for robot in placed.scene.robots if is_root_articulated(robot, stage)]
     placed = articulated_at_roots(placed, at_root)
-    moved = [relocations[r.path] for r in lab.scene.robots if r.path in relocations]
-    subjects = tuple(_graph_subjects(placed, checkpoint, stage, live, moved))
+    subjects = tuple(_graph_subjects(placed, checkpoint, stage, live))
     run = _Run(lab, stage, _known_results(stage, lab, checkpoint))
     for rule in rules_of("graph", *GRAPH_FAMILIES):
         for subject in subjects:
@@ -103,7 +100,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     requirements += frame_requirements(whole)
     requirements = with_named_faults(requirements, run.findings)
     judged_stage = JudgedStage(whole, tuple(requirements), tuple(run.findings))
-    for rule in rules_of("outcome", *STAGE_FAMILIES):
+    for rule in rules_of("requirements", *STAGE_FAMILIES):
         run.rule(rule, judged_stage)
     findings = tuple(with_named_nodes(run.findings, live))
     graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
@@ -204,15 +201,12 @@ def _graph_subjects(
     checkpoint: Checkpoint,
     stage: StageModel,
     live: Mapping[str, Node],
-    moved: Collection[str],
 ) -> Iterator[GraphSubject]:
-    """Yield every graph of the checkpoint; `moved` are the robots that stand elsewhere."""
+    """Yield every graph of the checkpoint."""
     relocations = sensor_relocations(lab, stage)
     specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
     matched = match_all(specs, stage, lab.platform.scripts)
     roles = {name: matched[name] for name in checkpoint.graphs}
-    demanded = {*demanded_prims(lab), *(lab.sensors[name].path for name in checkpoint.sensors)}
-    lost = lost_graphs(specs, roles, demanded, moved, stage)
     for name in checkpoint.graphs:
         yield GraphSubject(
             lab=lab,
@@ -227,5 +221,4 @@ def _graph_subjects(
                 if (node := roles[name].node_of[role]) is not None
             ),
             wire_faults=diagnose(specs[name], roles[name], live),
-            missing_with=lost.get(name, ""),
         )

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from lab3_usd.check.lab_topics import domain_name, role_specs
 from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.registry import frame_places
 from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.execution_order import (
     effective_value,
@@ -455,7 +456,7 @@ def _unasked_parent(node: Node, what: str, view: TfView) -> Problem:
         handout=frames.handout,
         severity=None if is_lost else "warning",
         hint="clear Parent Prim",
-        frames=(frame,) if is_lost else (),
+        covers=frame_places(frame) if is_lost else (),
     )
 
 
@@ -478,7 +479,7 @@ def _self_problem(node: Node, what: str, wanted: list[str], view: TfView) -> Pro
         expected=", ".join(dict.fromkeys([*wanted, *lost.values()])) or "the links as targets",
         actual=", ".join(listed_targets(node)),
         handout=view.subject.lab.frames.handout,
-        frames=tuple(lost),
+        covers=frame_places(*lost),
     )
 
 
@@ -491,5 +492,5 @@ def _named_alike(node: Node, pair: Pair, view: TfView) -> Problem:
         actual=", ".join(listed_targets(node)),
         handout=view.subject.lab.frames.handout,
         hint=f"rename {pair.prim} or take it out of the target prims",
-        frames=(pair.child,),
+        covers=frame_places(pair.child),
     )

@@ -13,17 +13,17 @@ from msgspec import Struct
 
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
-from lab3_usd.model.finding import Problem, Severity, family_of
+from lab3_usd.model.finding import Place, Problem, Severity, family_of
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Checkpoint, Lab
 
 # What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, the
-# same for each robot of the lab, its transforms (from the checkpoint on that asks for them), what
-# came out of judging it, the stage
-# beside its starter, the map files, the saved output of the running system, the folder. Rules of
-# the scope `model` look at a stage with or without a spec, as those of one's `own` do, those of
-# `lint` at one without, those of `native` at what OpenUSD's validators say of it.
+# same for each robot of the lab, its transforms (from the checkpoint on that asks for them), the
+# requirements beside the findings that stay, the stage beside its starter, the map files, the saved
+# output of the running system, the folder. Rules of the scope `model` look at a stage with or
+# without a spec, as those of one's `own` do, those of `lint` at one without, those of `native` at
+# what OpenUSD's validators say of it.
 Scope = Literal[
     "graph",
     "stage",
@@ -32,7 +32,7 @@ Scope = Literal[
     "lint",
     "native",
     "frames",
-    "outcome",
+    "requirements",
     "starter",
     "maps",
     "navigation",
@@ -123,6 +123,11 @@ MODULES = {
 
 
 TF = "TF"  # a part of a stage that is no graph and no sensor, as the scene is
+
+
+def frame_places(*frames: str) -> tuple[Place, ...]:
+    """Return the places at which a finding stands that is about frames: their requirements."""
+    return tuple((f"{TF}/frame/{frame}", None) for frame in frames)
 
 
 class Demand(Struct, frozen=True):

@@ -139,7 +139,6 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         costs=problem.costs or _part_of(rule, problem, lab),
         assumes=problem.assumes,
         covers=problem.covers,
-        frames=problem.frames,
         if_supplied=problem.if_supplied,
         supplied=rule.judges_supplied,
         counted=rule.counted,

@@ -31,6 +31,7 @@ SEVERITIES: tuple[Severity, ...] = ("error", "warning", "note")
 
 # A prim and a property of it, None for all of the prim. A prim that ends in `/` is what lies below
 # it, a property that ends in `*` each that begins so, and `port[/World/Prim]` one target of a port.
+# A name in brackets, or the id of a requirement as the prim, is what no property says.
 Place = tuple[str, str | None]
 
 
@@ -49,8 +50,7 @@ class Problem(Struct, frozen=True):
     `assumes` are the sites that the problem rests on being right: where another one as grave stands
     at one of them, that is reported instead (`check.fold`). A problem stands at its own site and at
     those that it `covers`, of which it speaks as well: with a starter, a change there is not
-    reported, and undoing it is the repair. `frames` are the TF frames that the problem is about:
-    they are not listed again among those lost through other faults. `if_supplied` is the hint of
+    reported, and undoing it is the repair. `if_supplied` is the hint of
     the warning that stays where the starter has the problem itself. `identity` says which problem
     of its rule it is where its site does not: one of the whole stage is shown at some node of it.
     """
@@ -72,7 +72,6 @@ class Problem(Struct, frozen=True):
     assumes: tuple[Place, ...] = ()
     covers: tuple[Place, ...] = ()
     unopened: Unopened = ""
-    frames: tuple[str, ...] = ()
     if_supplied: str = ""
     rests_on: UnresolvedAsset | None = None
     identity: str | None = None
@@ -106,7 +105,6 @@ class Finding(Struct, frozen=True):
     costs: tuple[str, ...] = ()
     assumes: tuple[Place, ...] = ()
     covers: tuple[Place, ...] = ()
-    frames: tuple[str, ...] = ()
     if_supplied: str = ""
     supplied: bool = False
     counted: tuple[str, str] = ("", "")

@@ -34,7 +34,9 @@ def is_stage_file(name: str) -> bool:
 
 
 _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint", "own"})
-_WITH_SPEC: frozenset[Scope] = frozenset({"model", "graph", "stage", "frames", "outcome", "own"})
+_WITH_SPEC: frozenset[Scope] = frozenset(
+    {"model", "graph", "stage", "frames", "requirements", "own"}
+)
 
 Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]
 

@@ -157,7 +157,6 @@ class GraphSubject(Struct, frozen=True, eq=False):
 
     `live_nodes` holds the live nodes of the whole stage by path, `matched` the nodes that play a
     role, each with the spec of the role, `wire_faults` what is wrong with the wires of this graph.
-    `missing_with` is the prim that the graph is missing together with, whose own finding names it.
     `at` is for `checkpoint` alone.
     """
 
@@ -169,7 +168,6 @@ class GraphSubject(Struct, frozen=True, eq=False):
     live_nodes: Mapping[str, Node]
     matched: tuple[tuple[Node, NodeSpec], ...] = ()
     wire_faults: tuple[WireFault, ...] = ()
-    missing_with: str = ""
 
     @property
     def checkpoint(self) -> Checkpoint:
@@ -234,11 +232,6 @@ class StageSubject(Struct, frozen=True, eq=False):
         """The checkpoint; what looks at it is worked out for each."""
         self.stage.note_checkpoint_use()
         return self.at
-
-    def missing_with(self, path: str) -> str:
-        """Name the graphs that are missing together with a prim, as the end of a sentence."""
-        names = [graph.spec.name for graph in self.graphs if graph.missing_with == path]
-        return f"; missing with it: {', '.join(names)}" if names else ""
 
     @property
     def platform(self) -> Platform:

@@ -9,7 +9,6 @@ from collections.abc import Collection, Mapping
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.model.physics import bodies_below, is_articulated
 from lab3_usd.model.prims import is_at_or_below
@@ -111,37 +110,6 @@ def demanded_prims(lab: Lab) -> dict[str, str]:
         for robot in lab.scene.robots
         for path in (robot.path, *robot.link_paths)
     }
-
-
-def lost_graphs(
-    specs: Mapping[str, GraphSpec],
-    roles: Mapping[str, Roles],
-    demanded: Collection[str],
-    robots: Collection[str],
-    stage: StageModel,
-) -> dict[str, str]:
-    """Map each graph that is missing together with a prim to that prim, whose finding names it.
-
-    That is the topmost `demanded` prim above it that is not in the scene, or one of the `robots`
-    that stand elsewhere where none of its graphs came along.
-    """
-    lost: dict[str, str] = {}
-    left: dict[str, str] = {}
-    for robot in robots:
-        on_robot = [name for name in roles if is_at_or_below(specs[name].path, robot)]
-        if all(roles[name].graph is None for name in on_robot):
-            left |= dict.fromkeys(on_robot, robot)
-    for name in (name for name, players in roles.items() if players.graph is None):
-        missing = ""
-        path = specs[name].path.rpartition("/")[0]
-        while path:
-            missing = path if path in demanded and stage.prim(path) is None else missing
-            path = path.rpartition("/")[0]
-        if name in left:
-            lost[name] = left[name]
-        elif missing and not stage.unresolved_above(missing):
-            lost[name] = missing
-    return lost
 
 
 def is_root_articulated(robot: RobotSpec, stage: StageModel) -> bool:

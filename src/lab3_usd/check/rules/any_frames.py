@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from lab3_usd.check.lab_topics import once_there
 from lab3_usd.check.match.rule_inputs import TransformsSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.facts.frames import Edge
 from lab3_usd.facts.tree import Tree, tree
 from lab3_usd.facts.written_names import odometry_pairs
@@ -73,7 +73,7 @@ def two_parents(subject: TransformsSubject) -> Iterator[Problem]:
                 actual=sites,
                 related=_others(rivals, wrong[0]),
                 severity=_severity(pairs, subject),
-                frames=children,
+                covers=frame_places(*children),
                 assumes=subject.assumed(edge for pair in pairs for edge in pair),
             )
 
@@ -118,7 +118,7 @@ def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
                 expected="one prim for each frame",
                 actual=prims,
                 severity=_severity([same], subject),
-                frames=(same[0].child,),
+                covers=frame_places(same[0].child),
             )
 
 
@@ -162,7 +162,7 @@ def self_transform(subject: TransformsSubject) -> Iterator[Problem]:
                 actual=f"{frame} -> {frame}",
                 related=() if edge.publisher == cause else (edge.publisher,),
                 severity=_severity([(edge,)], subject),
-                frames=(frame,),
+                covers=frame_places(frame),
                 assumes=subject.assumed([edge]),
             )
 

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.lab_frames import TfView
 from lab3_usd.check.match.rule_inputs import StageSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.check.repairs import removal_or_repair
 from lab3_usd.facts.domains import domain_of
 from lab3_usd.facts.execution_order import effective_value, running_nodes
@@ -134,7 +134,7 @@ def _placed(placement: _Placement, view: TfView) -> Problem:
         handout=frames.guarded.get(placement.child) or _handout_of_names(frames),
         hint=hint,
         fix=removal_or_repair(view.subject, placement.node, placement.port),
-        frames=(placement.child,),
+        covers=frame_places(placement.child),
     )
 
 

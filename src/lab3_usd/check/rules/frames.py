@@ -15,7 +15,7 @@ from lab3_usd.check.lab_frames import (
     missing_frames,
 )
 from lab3_usd.check.match.rule_inputs import JudgedStage
-from lab3_usd.check.registry import TF, rule
+from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.check.repairs import edits_in_stage, removal_or_repair
 from lab3_usd.facts.frame_targets import (
     LINK_API,
@@ -53,7 +53,7 @@ def missing_frame(view: TfView) -> Iterator[Problem]:
             yield from _missing_of(maker, missing_frames(maker, view), view)
         for frame, asset in frames_of_missing_assets(maker, view).items():
             message = f"nothing publishes the frame '{frame}'"
-            unmet = (f"{TF}/frame/{frame}",)
+            unmet = tuple(place for place, _ in frame_places(frame))
             yield Problem(
                 maker.prims[frame], message, handout=maker.handout, unmet=unmet, rests_on=asset
             )
@@ -75,7 +75,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             handout=maker.handout,
             hint=_naming_hint(prim, frame),
             fix=(_naming(prim, frame),),
-            frames=(frame, actual),
+            covers=frame_places(frame, actual),
         )
     rest = [frame for frame in missing if frame not in renamed]
     why = _why_not_all(maker, rest, view)
@@ -92,8 +92,10 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             actual=", ".join(targets) or "no targets",
             handout=maker.handout,
             fix=edits_in_stage(view.subject, maker.node.path, maker.port),
-            covers=tuple((maker.node.path, f"{maker.port}[{path}]") for path in strangers),
-            frames=tuple(frames),
+            covers=(
+                *((maker.node.path, f"{maker.port}[{path}]") for path in strangers),
+                *frame_places(*frames),
+            ),
         )
 
 
@@ -183,7 +185,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
         handout=view.subject.lab.frames.handout,
         severity=severity,
         fix=fix,
-        frames=(actual, expected, *frames),
+        covers=frame_places(actual, expected, *frames),
         assumes=tuple(
             (path, port)
             for path in dict.fromkeys((cause, *(edge.publisher for edge in edges)))
@@ -192,7 +194,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
     )
 
 
-@rule("T20", "lost-frames", scope="outcome", severity="note")
+@rule("T20", "lost-frames", scope="requirements", severity="note")
 def lost_frames(judged: JudgedStage) -> Iterator[Problem]:
     """Required frames are not published.
 
@@ -236,10 +238,11 @@ def lost_frames(judged: JudgedStage) -> Iterator[Problem]:
 
 def _is_named(frame: str, findings: list[Finding]) -> bool:
     """Whether a finding is about the frame, its prim, or a setting that should name it."""
+    (place,) = frame_places(frame)
     return any(
         finding.prim.endswith(f"/{frame}")
         or finding.expected == display(frame)
-        or frame in finding.frames
+        or place in finding.covers
         for finding in findings
     )
 

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.model.changes import (
@@ -14,7 +16,8 @@ from lab3_usd.model.changes import (
     RemovePrim,
     SetType,
 )
-from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.finding import Place, Problem, Severity
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel
 
 _ANOTHER = "another graph"
@@ -52,8 +55,28 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
         handout=spec.handout,
         hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
         fix=tuple(_restoring_edits(subject)),
-        assumes=((subject.missing_with, None),) if subject.missing_with else (),
+        assumes=(_missing_at(subject),),
     )
+
+
+def _missing_at(subject: GraphSubject) -> Place:
+    """Return the place at which a finding stands that names a missing graph."""
+    return subject.spec.path, "(missing)"
+
+
+def with_missing_graphs(problem: Problem, subject: StageSubject) -> Problem:
+    """Return a problem about a prim that names the graphs which are missing with it.
+
+    A prim that is only elsewhere has lost its graphs where none of them came along.
+    """
+    below = [graph for graph in subject.graphs if is_at_or_below(graph.spec.path, problem.prim)]
+    missing = [graph for graph in below if graph.roles.graph is None]
+    is_left_behind = problem.absent or len(missing) == len(below)
+    if not missing or not is_left_behind:
+        return problem
+    names = ", ".join(graph.spec.name for graph in missing)
+    message = f"{problem.message}; missing with it: {names}"
+    return replace(problem, message=message, covers=tuple(map(_missing_at, missing)))
 
 
 def _restoring_edits(subject: GraphSubject) -> Iterator[Edit]:

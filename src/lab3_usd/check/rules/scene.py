@@ -20,6 +20,7 @@ from lab3_usd.check.robot.poses import (
     vector_text,
 )
 from lab3_usd.check.robot.sensors import is_named
+from lab3_usd.check.rules.graphs import with_missing_graphs
 from lab3_usd.check.rules.sensors import EMPTY, part_of_pose, pose_demands
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.isaac.node_types import INPUT
@@ -71,9 +72,9 @@ def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
     root = subject.robot
     for expected, home in subject.relocations.items():
         if home == root.path:  # everything else is judged where it is
-            yield Problem(
+            problem = Problem(
                 home,
-                f"{root.called} is at {home}, expected at {expected}{subject.missing_with(home)}",
+                f"{root.called} is at {home}, expected at {expected}",
                 expected=expected,
                 actual=home,
                 handout=root.handout,
@@ -82,6 +83,7 @@ def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
                 fix=(MovePrim(home, expected),),
                 unmet=(f"{root.group}/prim/{expected.rpartition('/')[2]}",),
             )
+            yield with_missing_graphs(problem, subject)
     wanted = {scene.world.graph_parent.path: scene.world.graph_parent.handout}
     wanted[root.path] = root.handout
     if stage.prim(root.path) is not None:
@@ -105,9 +107,9 @@ def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
             place_text = f"; it seems to be the prim at {places[0]}"
             hint = f"rename or drag {places[0]} back to {path} in the Stage panel"
             fix = (MovePrim(places[0], path),) if len(places) == 1 else ()
-        yield Problem(
+        problem = Problem(
             path,
-            f"{path} {reason}{place_text}{subject.missing_with(path)}",
+            f"{path} {reason}{place_text}",
             expected=path,
             actual=reason,
             handout=handout,
@@ -117,6 +119,7 @@ def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
             absent=True,
             rests_on=asset,
         )
+        yield with_missing_graphs(problem, subject)
 
 
 def _units(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:

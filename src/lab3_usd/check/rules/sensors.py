@@ -35,6 +35,7 @@ from lab3_usd.check.robot.sensors import (
     sensors_of,
 )
 from lab3_usd.check.robot.surroundings import enclosing
+from lab3_usd.check.rules.graphs import with_missing_graphs
 from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
@@ -134,9 +135,9 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
         path = location.path
         if not any(is_at_or_below(path, above) for above in gone):
             reason = absence_reason(stage, path)
-            yield Problem(
+            problem = Problem(
                 path,
-                f"{path} {reason}{subject.missing_with(path)}",
+                f"{path} {reason}",
                 expected=path,
                 actual=reason,
                 handout=subject.lab.sensors[sensor].handout,
@@ -144,6 +145,7 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
                 absent=True,
                 rests_on=stage.unknown(path),
             )
+            yield with_missing_graphs(problem, subject)
 
 
 def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:

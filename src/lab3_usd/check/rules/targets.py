@@ -21,7 +21,7 @@ from lab3_usd.check.match.conformance import (
     wrong_product,
 )
 from lab3_usd.check.match.rule_inputs import GraphSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.check.repairs import edits_at, edits_in_stage
 from lab3_usd.model.finding import Problem, display, format_paths
 from lab3_usd.model.stage import Node
@@ -180,5 +180,5 @@ def robot_root_alone(view: TfView) -> Iterator[Problem]:
                 handout=maker.handout,
                 hint=f"add {homes} as a second target",
                 fix=edits_in_stage(view.subject, maker.node.path, maker.port),
-                frames=tuple(missing),
+                covers=frame_places(*missing),
             )
