@@ -33,6 +33,7 @@ KIT = "omni.graph.nodes."
         ("ToFloat", {"value": 3}, "converted", 3.0),
         ("ToString", {"value": 3}, "converted", "3"),
         ("ToToken", {"value": "arm"}, "converted", "arm"),
+        ("BuildString", {"a": "arm", "b": "/joints"}, "value", "arm/joints"),
         ("ToHalf", {"value": 3}, "converted", 3.0),
         ("ToInt", {"value": (2.9, -2.9)}, "converted", (2, -2)),
         ("ToInt64", {"value": 7.5}, "converted", 7),

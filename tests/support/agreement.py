@@ -144,6 +144,8 @@ def published_topics(said: Answers) -> Iterator[str]:
             yield f"sim sends {message['type']} on {topic}, topics says {sorted(types)}"
     told = {each["prim"] for each in found(said.lint)} | unsimulated(said.play)
     told |= {path for each in found(said.lint) for path in each["related"]}
+    open_checks = [each for each in said.play["checks"] if each["verdict"] == "not judged"]
+    told |= {end["node"] for end in sending for c in open_checks if end["node"] in c["message"]}
     for end in sending:
         key = (end["domain"], end["topic"])
         is_lost = end["sure"] and end["topic"] and key not in sent and end["node"] not in told

@@ -257,6 +257,8 @@ def _followers(nodes: Nodes, platform: Platform) -> tuple[_Followers, _Followers
     once: dict[str, list[str]] = {}
     for node in nodes.values():
         for source, port in signals(node, nodes):
+            if port == unchosen_output(source, nodes):
+                continue
             if not signals_once(source, port, nodes, platform):
                 lasting.setdefault(source.path, []).append(node.path)
             if not is_opened_first(node):
@@ -314,6 +316,15 @@ def signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
             known = kind.port(source_port) if kind is not None and is_known else None
             if source_port.startswith(OUTPUT) and (known is None or known.is_execution):
                 yield source, source_port
+
+
+def unchosen_output(node: Node, live: Nodes) -> str | None:
+    """Return the output at which a node never signals, as what chooses is fixed; None for none."""
+    choice = None if node.type is None else node.type.choice
+    if choice is None or (node.sources(choice.by) and not live_sources(node, choice.by, live)):
+        return None
+    chosen = effective_value(node, choice.by, live)
+    return None if chosen is None else choice.outputs[not chosen]
 
 
 def is_switched_on(node: Node, live: Nodes) -> bool:
@@ -409,9 +420,20 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
     if not wired:
         return node.value(port)
     source, source_port = wired[0]
-    if len(wired) > 1 or not source_port.startswith(INPUT) or not depth:
+    if len(wired) > 1 or not depth:
         return None
-    return effective_value(source, source_port, live, depth - 1)
+    if source_port.startswith(INPUT):
+        return effective_value(source, source_port, live, depth - 1)
+    return _text_of(source, live, depth - 1)
+
+
+def _text_of(node: Node, live: Nodes, depth: int) -> str | None:
+    """Return the text that a node makes of its inputs, None for another node or an unknown text."""
+    parts = () if node.type is None else node.type.text_of
+    is_more = any(state.sources for name, state in node.ports.items() if name not in parts)
+    values = [effective_value(node, part, live, depth) for part in parts]
+    texts = [str(value) for value in values if type(value) in (str, int)]
+    return "".join(texts) if texts and len(texts) == len(parts) and not is_more else None
 
 
 _PRODUCT = "inputs:renderProductPath"

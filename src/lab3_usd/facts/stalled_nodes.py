@@ -21,6 +21,7 @@ from lab3_usd.facts.execution_order import (
     signal_inputs,
     signal_sources,
     signals_once,
+    unchosen_output,
 )
 from lab3_usd.isaac.behaviour import Need
 from lab3_usd.isaac.node_types import INPUT
@@ -189,7 +190,7 @@ def _obstacle(node: Node, stage: StageModel, platform: Platform) -> tuple[str, s
         for source, out in live_sources(node, port, live):
             if not is_switched_on(source, live):
                 return "off", source.path
-            if shut_gate(source, live, platform):
+            if shut_gate(source, live, platform) or out == unchosen_output(source, live):
                 return "shut", source.path
             if gate_step(source, live, platform) > 1:
                 return "counts", source.path

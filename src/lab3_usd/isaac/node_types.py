@@ -139,8 +139,10 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     not talk to ROS. `articulation` names the relationships at and below whose prims an articulation
     is looked for; `step_limits` the inputs that must be 0 while the input of `time_step` is;
     `sizes` how long the arrays of some outputs always are. In a stage in metres a node gives what
-    comes into its inputs `same_in_metres` as it is. One that `grows_by_message` has its fields as
-    ports, too, and one that `grows` has each port whose name fits one of these patterns, in full.
+    comes into its inputs `same_in_metres` as it is. It gives the texts of its inputs `text_of`, one
+    after the other, and signals at one of two outputs after its `choice`. One that
+    `grows_by_message` has its fields as ports, too, and one that `grows` has each port whose name
+    fits one of these patterns, in full.
     Of one that `is_open` only some ports are known. What is known of one that `is_documented` is
     from pages of a neighbouring release, which do not say whether signals go on.
     """
@@ -168,6 +170,8 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     drives: DrivePorts | None = None
     product: ProductPorts | None = None
     same_in_metres: tuple[str, ...] = ()
+    text_of: tuple[str, ...] = ()
+    choice: Choice | None = None
     grows_by_message: bool = False
     grows: Mapping[str, Port] = field(default_factory=dict)
     is_open: bool = False
@@ -259,6 +263,16 @@ class Dynamic(Struct, frozen=True, forbid_unknown_fields=True):
     metadata: str
     array: str = ""
     type: str = ""
+
+
+class Choice(Struct, frozen=True, forbid_unknown_fields=True):
+    """Two outputs of which one passes each signal on.
+
+    The first does so while the input `by` is False, the second while it is True.
+    """
+
+    by: str
+    outputs: tuple[str, str]
 
 
 class TfPorts(Struct, frozen=True, forbid_unknown_fields=True):

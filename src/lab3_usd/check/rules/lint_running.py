@@ -25,6 +25,7 @@ from lab3_usd.facts.execution_order import (
     signal_sources,
     signals,
     signals_once,
+    unchosen_output,
 )
 from lab3_usd.facts.stalled_nodes import (
     Stop,
@@ -242,9 +243,11 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
     """A node of ROS or of signals is disabled.
 
     Why: with Enabled off, a helper publishes nothing, and a render product is not created, so its
-    helpers publish nothing either. A gate with a step of 0 passes no signal.
+    helpers publish nothing either. A gate with a step of 0 passes no signal, and a Branch whose
+    condition stays the same signals at one output only.
 
-    Fix: if this is not intended, switch Enabled on, or set the step to 1 or more.
+    Fix: if this is not intended, switch Enabled on, set the step to 1 or more, or connect the
+    condition to what decides.
 
     Example: `inputs:enabled = 0` on a ROS2 Camera Helper.
     """
@@ -272,6 +275,29 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
                 related=tuple(target.path for target in waiting),
                 severity="warning",
             )
+        yield from _never_chosen(node, subject)
+
+
+def _never_chosen(node: Node, subject: LintSubject) -> Iterator[Problem]:
+    """Yield that a node never signals at an output for which others wait."""
+    choice, closed = node.type and node.type.choice, unchosen_output(node, subject.live)
+    waiting = [
+        target
+        for target in feeds(node, subject.stage, subject.platform)
+        if any(f"{node.path}.{closed}" in state.sources for state in target.ports.values())
+        and not subject.runs(target.path)
+    ]
+    if choice and waiting and subject.runs(node.path):
+        chosen = str(closed == choice.outputs[0])
+        yield Problem(
+            node.path,
+            f"{choice.by} is always {chosen}: no signal reaches "
+            f"{', '.join(target.name for target in waiting)}",
+            property=choice.by,
+            actual=chosen,
+            related=tuple(target.path for target in waiting),
+            severity="warning",
+        )
 
 
 @rule("K08", "two-events", scope="lint", severity="warning")

@@ -13,6 +13,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.node_types import (
     INPUT,
     OUTPUT,
+    Choice,
     DrivePorts,
     Dynamic,
     NodeType,
@@ -86,6 +87,8 @@ class TypeEntry(Struct, forbid_unknown_fields=True):
     drives: _DrivesEntry | None = None
     product: _ProductEntry | None = None
     same_in_metres: tuple[str, ...] = ()
+    text_of: tuple[str, ...] = ()
+    choice: Choice | None = None
     grows_by_message: bool = False
     grows: dict[str, str | PortEntry] = {}
     is_open: bool = False
@@ -179,6 +182,8 @@ def _node_type(
         drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
         product=_product_ports(entry.product, ports, f"{where}: product"),
         same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
+        text_of=_named(entry.text_of, INPUT, ports, f"{where}: text_of"),
+        choice=_choice(entry.choice, ports, f"{where}: choice"),
         grows_by_message=entry.grows_by_message,
         grows={
             pattern: parse_port(pattern, port, usd_types, f"{where}: grows")
@@ -248,6 +253,14 @@ def _by_port(
 ) -> dict[str, Fact]:
     """Return the entries of ports by their full names."""
     return dict(zip(_named(facts, prefix, ports, where), facts.values(), strict=True))
+
+
+def _choice(entry: Choice | None, ports: Mapping[str, Port], where: str) -> Choice | None:
+    if entry is None:
+        return None
+    (by,) = _named((entry.by,), INPUT, ports, where)
+    first, second = _named(entry.outputs, OUTPUT, ports, where)
+    return Choice(by, (first, second))
 
 
 def _tf_ports(entry: TfPorts | None, ports: Mapping[str, Port], where: str) -> TfPorts | None:

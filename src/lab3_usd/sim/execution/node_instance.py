@@ -120,6 +120,7 @@ class NodeInstance(Struct):
     busy: bool = False
     count: int = 0  # how often it computed
     failure: Failure | None = None  # of the last time, if it failed
+    unknown_name: str = ""  # the input of a topic or frame of which no function tells the name
 
     def get(self, name: str, world: World) -> object:
         """Return what reaches an input, by its name without `inputs:`."""

@@ -101,7 +101,20 @@ def compile_graphs(scene: Scene, platform: Platform) -> Program:
         followers = (follower for some in node.follows.values() for follower in some)
         for path in dict.fromkeys(follower.path for follower in followers):
             program.before.setdefault(path, []).append(node)
+    unsure = depending(program, ())
+    for node in program.nodes.values():
+        node.unknown_name = _unknown_name(node, unsure, platform)
     return program
+
+
+def _unknown_name(node: NodeInstance, unsure: Collection[str], platform: Platform) -> str:
+    """Return the input of a topic or frame to which something unknown is wired, '' for none."""
+    frames = () if node.type.tf is None else node.type.tf.names
+    for name in (*node.type.topics[:1], *frames, INPUT + platform.ros.namespace):
+        state = node.node.inputs.get(name) or _UNSAVED
+        if any(wire.rpartition(".")[0] in unsure for wire in state.sources):
+            return name
+    return ""
 
 
 def _is_evaluated(graph: SceneGraph, scene: Scene, platform: Platform, program: Program) -> bool:

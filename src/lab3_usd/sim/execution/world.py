@@ -15,6 +15,7 @@ from typing import Any
 
 from msgspec import Struct, field
 
+from lab3_usd.facts.domains import LAST_DOMAIN
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import Scene
@@ -119,6 +120,10 @@ def open_endpoint(
     profile = profile_of(text, node.whole("queueSize", world))
     if domain is None:
         node.fails("its context is invalid", "invalid-context")
+    elif domain > LAST_DOMAIN:
+        node.fails(f"ROS 2 has no domain {domain}", "invalid-context")
+    elif node.unknown_name:
+        node.fails(f"what gives its {node.unknown_name} is not simulated", "invalid-topic-name")
     elif profile is None:
         node.fails("its QoS profile is invalid", "invalid-qos-profile")
     elif _NAME.fullmatch(topic) is None:

@@ -217,7 +217,11 @@ class RunCauses(Struct, frozen=True):
             idle = self.program.idle.get(node.path.rpartition("/")[0])
             if idle:
                 return Cause(node.path, idle, "graph-not-evaluated")
-            return Cause(node.path, "nothing triggers it", "not-executed")
+            states = map(node.node.inputs.get, node.type.execution_inputs)
+            wires = [wire for state in states if state is not None for wire in state.sources]
+            waits = any(wire.rpartition(".")[0] in self.unsure for wire in wires)
+            reason = "what triggers it is not simulated" if waits else "nothing triggers it"
+            return Cause(node.path, reason, "not-executed")
         return None
 
     def _before(self, node: NodeInstance) -> Iterator[NodeInstance]:

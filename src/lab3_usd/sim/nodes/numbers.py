@@ -113,6 +113,14 @@ def to_text(node: NodeInstance, world: World) -> bool:
     return True
 
 
+@computes("BuildString")
+def joined_text(node: NodeInstance, world: World) -> bool:
+    """OgnBuildString.html: texts, one after the other."""
+    names = ["a", "b", *(name for name in node.values if name not in ("a", "b"))]
+    node.outputs["value"] = "".join(node.text(name, world) for name in names)
+    return True
+
+
 @computes("ConstantPi")
 def pi(node: NodeInstance, world: World) -> bool:
     """OgnConstantPi.html: pi times a factor."""
