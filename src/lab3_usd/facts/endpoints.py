@@ -24,10 +24,10 @@ from lab3_usd.facts.execution_order import (
     live_nodes,
     live_sources,
     nodes_of,
-    rate_source,
     run_states,
     sensor_of,
 )
+from lab3_usd.facts.rates import rate_source
 from lab3_usd.facts.render_products import has_two_sizes, stereo_products
 from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.messages import NAMED

@@ -9,12 +9,10 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Literal
 
-from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, is_refused
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Severity
-from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, once_per_stage
 
 # A node that is not named among the states does not run.
@@ -436,13 +434,12 @@ def _text_of(node: Node, live: Nodes, depth: int) -> str | None:
     return "".join(texts) if texts and len(texts) == len(parts) and not is_more else None
 
 
-_PRODUCT = "inputs:renderProductPath"
-_SKIPPED = "inputs:frameSkipCount"  # frames of the sensor that a helper leaves out after each
+PRODUCT = "inputs:renderProductPath"
 
 
 def sensor_of(node: Node, live: Nodes) -> str | None:
     """Return the path of the prim whose render product the node reads, None where it reads none."""
-    for source, _ in live_sources(node, _PRODUCT, live):
+    for source, _ in live_sources(node, PRODUCT, live):
         for port in () if source.type is None else source.type.ports.values():
             if port.is_target and source.targets(port.name):
                 return source.targets(port.name)[0]
@@ -460,52 +457,3 @@ def fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
     if not node.sources(port):
         return bool(node.value(port))
     return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))
-
-
-def rate_source(
-    node: Node, stage: StageModel, platform: Platform, running: Nodes, *, static: bool
-) -> str:
-    """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
-    state = run_states(stage, platform).get(node.path)
-    if state is None:
-        return "never"
-    event = ", ".join(dict.fromkeys(_events(node, platform, running))) or "every update"
-    event = event if state == "runs" else f"perhaps {event}"
-    if static:
-        return f"once after {event}"
-    sensor = _camera_named(node, stage, running) or sensor_of(node, running)
-    prim = None if sensor is None else stage.prim(sensor)
-    rate = 0.0 if prim is None else _rate(prim, platform, stage)
-    skipped = effective_value(node, _SKIPPED, running)
-    rate /= skipped + 1 if isinstance(skipped, int) and skipped > 0 else 1
-    return f"sensor at {rate:g} Hz" if rate > 0 else event
-
-
-def _camera_named(node: Node, stage: StageModel, live: Nodes) -> str | None:
-    """Return the camera of a render product that is named and used as it is, None without one."""
-    for source, _ in live_sources(node, _PRODUCT, live):
-        ports = None if source.type is None else source.type.product
-        named = () if ports is None else source.targets(ports.named)
-        if len(named) == 1 and named[0] in stage.products:
-            return stage.products[named[0]].camera or None
-    return None
-
-
-def _rate(prim: Prim, platform: Platform, stage: StageModel) -> float:
-    """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
-    return values_of(prim, platform, stage).number(platform.sensor_models.lidar.rate) or 0.0
-
-
-def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:
-    """Yield the names of the events that the node's execution comes from, each once."""
-    seen = {node.path}
-    ahead = [node]
-    while ahead:
-        current = ahead.pop(0)
-        senders = list(signal_sources(current, running))
-        if event_of(current, platform) is not None or (current is not node and not senders):
-            known = current.type
-            yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
-        new = [source for source in senders if source.path not in seen]
-        seen.update(source.path for source in new)
-        ahead.extend(new)

@@ -1,0 +1,71 @@
+"""What sets the pace of a message: the rate of a sensor, the event behind a node, or nothing."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.facts.execution_order import (
+    PRODUCT,
+    Nodes,
+    effective_value,
+    event_of,
+    live_sources,
+    run_states,
+    sensor_of,
+    signal_sources,
+)
+from lab3_usd.facts.sensor_values import values_of
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, StageModel
+
+_SKIPPED = "inputs:frameSkipCount"  # frames of the sensor that a helper leaves out after each
+
+
+def rate_source(
+    node: Node, stage: StageModel, platform: Platform, running: Nodes, *, static: bool
+) -> str:
+    """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
+    state = run_states(stage, platform).get(node.path)
+    if state is None:
+        return "never"
+    event = ", ".join(dict.fromkeys(_events(node, platform, running))) or "every update"
+    event = event if state == "runs" else f"perhaps {event}"
+    if static:
+        return f"once after {event}"
+    sensor = _camera_named(node, stage, running) or sensor_of(node, running)
+    prim = None if sensor is None else stage.prim(sensor)
+    rate = 0.0 if prim is None else _rate(prim, platform, stage)
+    skipped = effective_value(node, _SKIPPED, running)
+    rate /= skipped + 1 if isinstance(skipped, int) and skipped > 0 else 1
+    return f"sensor at {rate:g} Hz" if rate > 0 else event
+
+
+def _camera_named(node: Node, stage: StageModel, live: Nodes) -> str | None:
+    """Return the camera of a render product that is named and used as it is, None without one."""
+    for source, _ in live_sources(node, PRODUCT, live):
+        ports = None if source.type is None else source.type.product
+        named = () if ports is None else source.targets(ports.named)
+        if len(named) == 1 and named[0] in stage.products:
+            return stage.products[named[0]].camera or None
+    return None
+
+
+def _rate(prim: Prim, platform: Platform, stage: StageModel) -> float:
+    """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
+    return values_of(prim, platform, stage).number(platform.sensor_models.lidar.rate) or 0.0
+
+
+def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:
+    """Yield the names of the events that the node's execution comes from, each once."""
+    seen = {node.path}
+    ahead = [node]
+    while ahead:
+        current = ahead.pop(0)
+        senders = list(signal_sources(current, running))
+        if event_of(current, platform) is not None or (current is not node and not senders):
+            known = current.type
+            yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
+        new = [source for source in senders if source.path not in seen]
+        seen.update(source.path for source in new)
+        ahead.extend(new)
