@@ -22,6 +22,7 @@ SWITCHES = (
     "--disable-background-networking",
     "--disable-component-update",
     "--disable-sync",
+    "--incognito",  # no history is written
     "--disable-dev-shm-usage",
     "--hide-scrollbars",
     "--force-prefers-reduced-motion",
