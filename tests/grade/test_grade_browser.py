@@ -52,6 +52,12 @@ def test_it_loads_without_a_complaint_and_asks_for_nothing(chromium: Browser, pa
     assert chromium.run("return window.attacked") is None
 
 
+def test_links_lead_to_the_reports(chromium: Browser, page: Path) -> None:
+    chromium.look_at(page)
+    links = [link.get_attribute("href") for link in chromium.shown("table.students a")]
+    assert links[0] == (page.parent / "students" / "ana" / "report.html").as_uri()
+
+
 def test_columns_sort_by_number_both_ways_and_keep_the_order_of_equals(
     chromium: Browser, page: Path
 ) -> None:
@@ -75,12 +81,6 @@ def test_the_table_is_filtered_by_text_and_status(chromium: Browser, page: Path)
     assert chromium.one(".filter output").text == "4 of 5"
     chromium.one(".filter select option:nth-child(3)").click()
     assert students(chromium) == ["gus"]
-
-
-def test_links_lead_to_the_reports(chromium: Browser, page: Path) -> None:
-    chromium.open(page)
-    links = [link.get_attribute("href") for link in chromium.shown("table.students a")]
-    assert links[0] == (page.parent / "students" / "ana" / "report.html").as_uri()
 
 
 def test_everything_can_be_read_without_a_script(chromium: Browser, page: Path) -> None:

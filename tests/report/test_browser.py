@@ -5,6 +5,7 @@ from __future__ import annotations
 import functools
 import itertools
 import threading
+from collections.abc import Callable
 from dataclasses import dataclass
 from http.server import SimpleHTTPRequestHandler, ThreadingHTTPServer
 from pathlib import Path
@@ -105,6 +106,10 @@ class Seen:
     regions: list[str]
     contrasts: dict[str, list[tuple[float, str]]]
     grounds: dict[str, str]
+    stages: list[list[float]]
+    pictures: list[tuple[float, bool, bool]]
+    scripts: list[int]
+    text: str
 
 
 HEADINGS = """return [...document.querySelectorAll("h1, h2, h3, h4, h5, h6")]
@@ -113,15 +118,35 @@ REGIONS = """return [...document.querySelectorAll("[role=region]")]
   .map((region) => region.getAttribute("aria-label"))"""
 WIDTH = "return document.documentElement.scrollWidth"
 GROUND = "return getComputedStyle(document.body).backgroundColor"
+# Where the name of each stage ends and its verdict begins.
+STAGES = """return [...document.querySelectorAll(".stage")]
+  .map((stage) => [stage.querySelector(".name a"), stage.querySelector(".verdict")])
+  .filter(([name, verdict]) => name && verdict)
+  .map(([name, verdict]) =>
+    [name.getBoundingClientRect().right, verdict.getBoundingClientRect().left])"""
+# How much of each picture fits at full size, whether it does now, and whether there is a hint.
+PICTURES = """return [...document.querySelectorAll("figure:has(.picture)")].map((figure) => {
+  const picture = figure.querySelector(".picture");
+  const hint = figure.querySelector("figcaption small");
+  return [picture.clientWidth / picture.querySelector("svg").width.baseVal.value,
+    picture.scrollWidth <= picture.clientWidth, Boolean(hint && !hint.hidden)]; })"""
+# Scripts, images, and whether anything slipped in was run.
+SCRIPTS = """return [document.querySelectorAll("script").length,
+  document.querySelectorAll("img").length, Number(window.attacked !== undefined)]"""
 
 
-@pytest.fixture(scope="module", params=["clean", "submission", "graded", "linted", "hostile"])
-def seen(request: pytest.FixtureRequest, chromium: Browser, pages: dict[str, Path]) -> Seen:
-    """A page of each kind, opened once."""
-    chromium.open(pages[request.param])
+@pytest.fixture(scope="module")
+def look(chromium: Browser, pages: dict[str, Path]) -> Callable[[str], Seen]:
+    """What is seen of a page of this kind, which is opened once."""
+    return functools.cache(lambda name: _seen(chromium, pages[name]))
+
+
+def _seen(chromium: Browser, page: Path) -> Seen:
+    chromium.open(page)
     complaints = chromium.logs()
     headings, regions = chromium.run(HEADINGS), chromium.run(REGIONS)
-    widths = [chromium.run(WIDTH)]
+    widths, stages = [chromium.run(WIDTH)], chromium.run(STAGES)
+    pictures = [tuple(each) for each in chromium.run(PICTURES)]
     chromium.run("for (const each of document.querySelectorAll('details')) each.open = true")
     contrasts, grounds = {}, {}
     for scheme in ("light", "dark"):
@@ -129,7 +154,16 @@ def seen(request: pytest.FixtureRequest, chromium: Browser, pages: dict[str, Pat
         contrasts[scheme], grounds[scheme] = chromium.run(CONTRASTS), chromium.run(GROUND)
     chromium.resize((320, 568))
     widths.append(chromium.run(WIDTH))
-    return Seen(complaints, widths, headings, regions, contrasts, grounds)
+    scripts, text = chromium.run(SCRIPTS), chromium.run("return document.body.textContent")
+    return Seen(
+        complaints, widths, headings, regions, contrasts, grounds, stages, pictures, scripts, text
+    )
+
+
+@pytest.fixture(params=["clean", "submission", "graded", "linted", "hostile"])
+def seen(request: pytest.FixtureRequest, look: Callable[[str], Seen]) -> Seen:
+    """A page of each kind."""
+    return look(request.param)
 
 
 def test_the_page_loads_without_an_error(seen: Seen) -> None:
@@ -179,7 +213,7 @@ def test_the_page_asks_for_nothing_but_itself(chromium: Browser, pages: dict[str
     with ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
         threading.Thread(target=server.serve_forever, args=(0.05,), daemon=True).start()
         chromium.requests()
-        chromium.driver.get(f"http://127.0.0.1:{server.server_address[1]}/{path.name}")
+        chromium.visit(f"http://127.0.0.1:{server.server_address[1]}/{path.name}")
         chromium.one("a.crop").click()
         server.shutdown()
     assert asked == [f"/{path.name}"]
@@ -420,13 +454,10 @@ def test_a_port_is_followed_with_the_keyboard(chromium: Browser, pages: dict[str
     wait_for(lambda: chromium.all(".card:target"))
 
 
-def test_a_long_name_of_a_stage_ends_before_its_verdict(
-    chromium: Browser, pages: dict[str, Path]
-) -> None:
-    chromium.open(pages["linted"])
-    name = chromium.one(".stage .name a").rect
-    verdict = chromium.one(".stage .verdict").rect
-    assert name["x"] + name["width"] <= verdict["x"]
+def test_a_long_name_of_a_stage_ends_before_its_verdict(look: Callable[[str], Seen]) -> None:
+    stages = look("linted").stages
+    assert len(stages) == 2
+    assert all(name <= verdict for name, verdict in stages)
 
 
 def test_the_page_is_read_without_scripts(chromium: Browser, pages: dict[str, Path]) -> None:
@@ -545,17 +576,8 @@ def test_a_picture_that_was_zoomed_is_whole_on_paper(
     chromium.scheme("light")
 
 
-def test_a_picture_that_can_still_be_read_is_fitted_at_once(
-    chromium: Browser, pages: dict[str, Path]
-) -> None:
-    chromium.open(pages["clean"])
-    found = chromium.run(
-        "return [...document.querySelectorAll('figure')].map((figure) => {"
-        " const picture = figure.querySelector('.picture');"
-        " const hint = figure.querySelector('figcaption small');"
-        " return [picture.clientWidth / picture.querySelector('svg').width.baseVal.value,"
-        " picture.scrollWidth <= picture.clientWidth, Boolean(hint && !hint.hidden)]; })"
-    )
+def test_a_picture_that_can_still_be_read_is_fitted_at_once(look: Callable[[str], Seen]) -> None:
+    found = look("clean").pictures
     assert {share >= 0.75 for share, _, _ in found} == {True, False}
     assert [fits for _, fits, _ in found] == [share >= 0.75 for share, _, _ in found]
     assert [hint for _, _, hint in found] == [not fits for _, fits, _ in found]
@@ -613,14 +635,10 @@ def test_on_paper_nothing_scrolls(paper: dict[str, Any]) -> None:
     assert paper["scrolling"] == 0
 
 
-def test_markup_in_a_stage_stays_text(chromium: Browser, pages: dict[str, Path]) -> None:
-    chromium.open(pages["hostile"])
-    chromium.run("for (const each of document.querySelectorAll('details')) each.open = true")
-    assert chromium.run("return window.attacked") is None
-    assert len(chromium.all("script")) == 1
-    assert chromium.all("img") == []
-    text = chromium.run("return document.body.textContent")
-    assert all(each in text for each in ATTACKS[:2])
+def test_markup_in_a_stage_stays_text(look: Callable[[str], Seen]) -> None:
+    hostile = look("hostile")
+    assert hostile.scripts == [1, 0, 0]
+    assert all(each in hostile.text for each in ATTACKS[:2])
 
 
 @pytest.mark.parametrize("text", ATTACKS)

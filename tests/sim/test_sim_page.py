@@ -127,13 +127,27 @@ def slow(tmp_path_factory: pytest.TempPathFactory) -> tuple[DryRun, Path]:
 def test_only_the_legs_that_are_wrong_are_marked(
     chromium: Browser, slow: tuple[DryRun, Path], page: Path
 ) -> None:
-    chromium.open(slow[1])
+    chromium.look_at(page)
+    assert chromium.all(".legs .bad") == []
+    chromium.look_at(slow[1])
     legs = {leg.text.partition(":")[0]: leg for leg in chromium.all(".legs li")}
     marked = {name for name, leg in legs.items() if leg.get_attribute("class") == "bad"}
     assert marked == {"ahead", "back", "left", "fast", "spin"}
     assert "expected 0.40" in legs["ahead"].text
-    chromium.open(page)
-    assert chromium.all(".legs .bad") == []
+
+
+def test_the_repair_names_the_value_that_the_rules_ask_for(
+    chromium: Browser, slow: tuple[DryRun, Path]
+) -> None:
+    chromium.look_at(slow[1])
+    assert "set wheelRadius to 0.025" in chromium.one(".checks .bad .fix").text
+
+
+def test_the_slider_starts_at_the_leg_that_is_wrong(
+    chromium: Browser, slow: tuple[DryRun, Path]
+) -> None:
+    chromium.look_at(slow[1])
+    assert chromium.one("output").text.endswith(", ahead")
 
 
 def test_every_leg_of_a_robot_that_never_moves_is_wrong(tmp_path: Path) -> None:
@@ -151,20 +165,6 @@ def test_a_run_that_a_node_stops_has_drawings_until_then(tmp_path: Path) -> None
     (drawn,) = dry_run(path, the_lab(), "05", BRIEF).replays.values()
     assert drawn.moments
     assert drawn.speeds == ()
-
-
-def test_the_repair_names_the_value_that_the_rules_ask_for(
-    chromium: Browser, slow: tuple[DryRun, Path]
-) -> None:
-    chromium.open(slow[1])
-    assert "set wheelRadius to 0.025" in chromium.one(".checks .bad .fix").text
-
-
-def test_the_slider_starts_at_the_leg_that_is_wrong(
-    chromium: Browser, slow: tuple[DryRun, Path]
-) -> None:
-    chromium.open(slow[1])
-    assert chromium.one("output").text.endswith(", ahead")
 
 
 def test_the_slider_starts_where_odometry_leaves_the_robot(tmp_path: Path) -> None:
@@ -194,7 +194,7 @@ def test_a_node_that_only_holds_a_value_is_not_said_to_run_never(page: Path) -> 
 
 
 def test_the_axes_are_outside_of_the_room_and_in_metres(chromium: Browser, page: Path) -> None:
-    chromium.open(page)
+    chromium.look_at(page)
     for name in (".room", ".near"):
         inside = chromium.run(
             "const room = document.querySelector(arguments[0]);"
@@ -211,7 +211,7 @@ def test_the_axes_are_outside_of_the_room_and_in_metres(chromium: Browser, page:
 
 
 def test_a_legend_names_what_is_drawn(chromium: Browser, page: Path) -> None:
-    chromium.open(page)
+    chromium.look_at(page)
     keys = [key.text.split("\n") for key in chromium.all(".key")]
     assert keys == [
         ["wall", "path", "robot", "scan"],
@@ -221,7 +221,7 @@ def test_a_legend_names_what_is_drawn(chromium: Browser, page: Path) -> None:
 
 
 def test_what_scrolls_is_reached_with_the_keyboard(chromium: Browser, page: Path) -> None:
-    chromium.open(page, PHONE)
+    chromium.look_at(page, PHONE)
     assert (
         chromium.run(
             "return [...document.querySelectorAll('.scroll, pre')]"

@@ -91,6 +91,7 @@ class Browser:
         self.driver = driver
         self.openings = itertools.count()
         self.emulated: dict[str, Any] = {}
+        self.looked_at: tuple[Any, ...] = ()
 
     def open(
         self, path: Path, size: tuple[int, int] = DESKTOP, scheme: str = "light", at: str = ""
@@ -101,7 +102,18 @@ class Browser:
         self.logs()
         self.requests()
         address = f"{path.as_uri()}?{next(self.openings)}"  # another one is loaded, not shown again
-        self.driver.get(address + (f"#{at}" if at else ""))
+        self.visit(address + (f"#{at}" if at else ""))
+
+    def visit(self, address: str) -> None:
+        self.looked_at = ()
+        self.driver.get(address)
+
+    def look_at(self, path: Path, size: tuple[int, int] = DESKTOP, scheme: str = "light") -> None:
+        """Open a page that the test changes nothing of, unless the last one looked at it so too."""
+        wanted = (path, size, scheme)
+        if self.looked_at != wanted:
+            self.open(path, size, scheme)
+            self.looked_at = wanted
 
     def resize(self, size: tuple[int, int]) -> None:
         metrics = {"width": size[0], "height": size[1], "deviceScaleFactor": 1}
