@@ -12,7 +12,7 @@ from lab3_usd.model.physics import SCENE, number
 from lab3_usd.sim.execution.changes import unplayed_change
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames, joint_command
 from lab3_usd.sim.execution.node_instance import FRAME, STEP, Failure
-from lab3_usd.sim.execution.program import Program, compile_graphs, depending
+from lab3_usd.sim.execution.program import Program, compile_graphs, depending, is_within
 from lab3_usd.sim.execution.recording import (
     Held,
     JointStates,
@@ -115,10 +115,10 @@ EYES = 0.15  # metres above the robot at which a room without a lidar is drawn
 class Player:
     """A stage, and the graphs that run in it."""
 
-    def __init__(self, world: World, platform: Platform, body: str = "") -> None:
+    def __init__(self, world: World, platform: Platform, body: str = "", place: str = "") -> None:
         self.world = world
         self.program: Program = compile_graphs(world.scene, platform)
-        self.robot = world.machines.member.get(body) if body else driven(world)
+        self.robot = world.machines.member.get(body) if body else driven(world, place)
         self.body = body or (self.robot.base if self.robot is not None else "")
         self.start = HERE
         if self.robot is not None:
@@ -245,10 +245,15 @@ def physics_rate(scene: Scene) -> float:
     return min(steps, FASTEST) if steps is not None and steps > 0 else RATE
 
 
-def driven(world: World) -> Machine | None:
-    """Return the machine with the most joints: what is driven."""
+def driven(world: World, place: str = "") -> Machine | None:
+    """Return what is driven: the machine at a place, else anywhere, with the most joints."""
     machines = [machine for machine in world.machines.machines if machine.joints]
-    return max(machines, key=lambda machine: len(machine.joints), default=None)
+
+    def rank(machine: Machine) -> tuple[bool, int]:
+        is_there = bool(place) and any(is_within(body, (place,)) for body in machine.rest)
+        return is_there, len(machine.joints)
+
+    return max(machines, key=rank, default=None)
 
 
 def player_of(
@@ -258,7 +263,7 @@ def player_of(
     ground = wanted.has_ground
     world = world_of(scene, platform, wanted.profile, has_ground=ground, standing=standing)
     world.network.commands = RosEndpoint(wanted.domain, wanted.commands)
-    player = Player(world, platform, wanted.robot)
+    player = Player(world, platform, wanted.robot, wanted.place)
     world.not_simulated.update(player.program.not_simulated)
     change = unplayed_change(scene, player.program, platform)
     if change:

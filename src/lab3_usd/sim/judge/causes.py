@@ -136,12 +136,14 @@ class RunCauses(Struct, frozen=True):
     def basis(self, check: str, prim: str) -> tuple[str, ...]:
         """Return the prims that a failed check rests on, from the prim at fault on, nearest first.
 
-        After it come the nodes that the check looks at. Wires are followed back from node to node,
+        After it come the nodes that send on its topic, if topics are checked, and those that the
+        check looks at. Wires are followed back from node to node,
         to what triggers as to what feeds, and end at the prims that the nodes refer to. A check of
         the motion also rests on the robot.
         """
         nodes = {node.path: node for graph in self.scene.graphs for node in graph.nodes}
-        found = dict.fromkeys(filter(None, (prim, *self._looked_at(check))))
+        rivals = self._rivals(prim) if check == "topics" else ()
+        found = dict.fromkeys(filter(None, (prim, *rivals, *self._looked_at(check))))
         waiting = [*found]
         for path in waiting:
             node = nodes.get(path)
@@ -166,6 +168,13 @@ class RunCauses(Struct, frozen=True):
             parts = (part.path for part in inside if part.path not in own)
             found.update(dict.fromkeys(parts))
         return tuple(found)
+
+    def _rivals(self, prim: str) -> Iterator[str]:
+        """Yield the nodes that send on a topic on which a node sends."""
+        topics = {message.topic for message in self.sent if message.node == prim}
+        for message in self.sent:
+            if message.topic in topics:
+                yield message.node
 
     def _looked_at(self, check: str) -> Iterator[str]:
         """Yield the nodes that a check looks at: they publish such messages, or drive joints."""

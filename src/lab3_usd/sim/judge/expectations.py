@@ -79,6 +79,7 @@ class Expected(Struct, frozen=True):
     restarts: bool = False  # whether the clock begins anew after Stop
     goes_with_environment: bool = False  # whether another ROS_DOMAIN_ID may move all topics
     robot: str = ""  # the body that is watched; that of the robot with the most joints where empty
+    place: str = ""  # the path of the lab's only robot, which is watched before others
     has_ground: bool = False  # whether a stage without ground below its robots is given some
 
 

@@ -99,7 +99,7 @@ def expected_of_each(lab: Lab, checkpoint: Checkpoint) -> dict[str, Expected]:
     Of several robots the body that is watched is the base.
     """
     if len(lab.scene.robots) == 1:
-        return {"": expected_at(lab, checkpoint)}
+        return {"": replace(expected_at(lab, checkpoint), place=lab.scene.robot.path)}
     each = {
         robot.title: replace(expected_at(lab, checkpoint, robot), robot=robot.base)
         for robot in lab.scene.robots
