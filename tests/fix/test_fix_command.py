@@ -431,6 +431,24 @@ def test_a_renamed_wheel_joint_gets_its_name_back_with_unsafe(tmp_path: Path) ->
     assert {*repaired.GetPrimAtPath(joint).properties.keys()} == properties
 
 
+def test_a_name_that_the_drive_shares_with_a_renamed_joint_is_repaired_with_it_alone(
+    tmp_path: Path,
+) -> None:
+    joint = f"{JOINTS}/wheel_left_joint"
+    value = f"{DRIVE}/constant_left_joint.inputs:value"
+    path = saved(tmp_path, {"move": [joint, f"{JOINTS}/left"]}, {"set": [value, "left"]})
+    before = path.read_bytes()
+    assert fix(path, "--in-place").exit_code == 1
+    assert path.read_bytes() == before  # the robot drives, and would no more
+    assert_repaired(path, "--unsafe")
+
+
+def test_a_graph_whose_place_is_taken_is_offered_no_repair(tmp_path: Path) -> None:
+    path = saved(tmp_path, {"copy": [DRIVE, f"{DRIVE}_01"]}, {"deactivate": DRIVE})
+    (left,) = fix(path, "--in-place", "--unsafe").stdout.splitlines()[:1]
+    assert left.startswith(f"left error G02 {DRIVE}_01: ")
+
+
 def test_what_belongs_to_a_later_checkpoint_is_removed_with_unsafe(tmp_path: Path) -> None:
     path = written(correct_stage("04"), tmp_path, "00")
     assert fix(path, "--in-place").exit_code == 1

@@ -136,7 +136,7 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
             handout=spec.handout,
             hint=hint,
             related=() if standing is None else (spec.path,),
-            fix=(MovePrim(graph.path, spec.path),),
+            fix=(MovePrim(graph.path, spec.path),) if standing is None else (),
         )
 
 

@@ -25,7 +25,8 @@ from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ClearValue, SetValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
-from lab3_usd.model.stage import Node, once_per_stage, same_value
+from lab3_usd.model.physics import REVOLUTE
+from lab3_usd.model.stage import Node, StageModel, once_per_stage, same_value
 from lab3_usd.spec.graph import NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -95,7 +96,20 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
             actual = f"connected to {short_source(node.sources(port)[0])}"
         message = f"{port} is {actual}, expected {display(found.setting.value)}"
         message += with_setting(subject, found.spec.role, found.setting, found.value)
-        yield replace(setting_problem(subject, found, message), assumes=((node.path, port),))
+        problem = setting_problem(subject, found, message)
+        likely = _names_what_is_there(subject.stage, found)
+        yield replace(problem, assumes=((node.path, port),), likely=likely)
+
+
+def _names_what_is_there(stage: StageModel, found: Found) -> bool:
+    """Whether the value names a joint of the stage, and the right one names none.
+
+    The right value alone would then stop the robot: the joint gets its name back first.
+    """
+    if not isinstance(found.value, str):
+        return False
+    joints = {prim.name for prim in stage.prims.values() if prim.type == REVOLUTE and prim.present}
+    return found.value in joints and found.setting.value not in joints
 
 
 def _is_authored(node: Node, port: str) -> bool:
