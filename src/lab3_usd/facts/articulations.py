@@ -37,7 +37,6 @@ from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_sta
 _DRIVE = "PhysicsDriveAPI"
 _MIMIC = "Mimic"
 _PAIR = 2
-POSITION, EFFORT = "inputs:positionCommand", "inputs:effortCommand"
 # An effort of 1 turns a joint by 1 / damping degrees a second: below 1 % of a speed of 1 rad/s.
 _HOLDING = 2.0
 
@@ -368,17 +367,20 @@ def leaves_joints(command: Command, port: str, stage: StageModel, platform: Plat
     is_alone = wired_commands(command) == [port] and all(
         names is not None and not told & set(names) for names in others
     )
-    return is_alone and bool(joints) and all(_leaves(joint, port) for joint in joints)
+    return (
+        is_alone and bool(joints) and all(_leaves(joint, port, command.ports) for joint in joints)
+    )
 
 
-def _leaves(joint: Prim, port: str) -> bool:
+def _leaves(joint: Prim, port: str, ports: DrivePorts) -> bool:
+    position, _, effort = ports.commands
     drive = drive_of(joint) or ""
     stiffness, damping = (
         number(joint.attributes.get(f"{drive}{word}")) or 0.0 for word in ("stiffness", "damping")
     )
-    if port == POSITION:
+    if port == position:
         return not drive or stiffness <= 0.0
-    return port == EFFORT and joint.type == REVOLUTE and damping >= _HOLDING
+    return port == effort and joint.type == REVOLUTE and damping >= _HOLDING
 
 
 def number_of_commands(

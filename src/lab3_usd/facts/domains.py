@@ -15,7 +15,6 @@ from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _CONTEXT = "context"
 LAST_DOMAIN = 232  # its ports begin at 7400 + 250 * domain (DDS-RTPS), and end at 65535
-DOMAIN, FROM_ENVIRONMENT = "inputs:domain_id", "inputs:useDomainIDEnvVar"
 
 
 class Domain(Struct, frozen=True):
@@ -94,13 +93,14 @@ def domain_of(node: Node, live: Nodes, platform: Platform) -> Domain:
             continue
         if source.type is None or OUTPUT + _CONTEXT not in source.type.ports:
             return Domain(source.path, from_environment=False)
-        return _domain_of_context(source, live)
+        return _domain_of_context(source, live, platform)
     return Domain()
 
 
-def _domain_of_context(context: Node, live: Nodes) -> Domain:
-    number = effective_value(context, DOMAIN, live)
-    is_open = effective_value(context, FROM_ENVIRONMENT, live) is True
+def _domain_of_context(context: Node, live: Nodes, platform: Platform) -> Domain:
+    ros = platform.ros
+    number = effective_value(context, INPUT + ros.domain, live)
+    is_open = effective_value(context, INPUT + ros.domain_by_environment, live) is True
     return Domain(str(number) if isinstance(number, int) else context.path, is_open)
 
 
@@ -115,5 +115,5 @@ def domains(stage: StageModel, platform: Platform) -> Mapping[Domain, list[Node]
     }
     for node in used.values():
         if node.type is not None and OUTPUT + _CONTEXT in node.type.ports:
-            by_domain.setdefault(_domain_of_context(node, live), []).append(node)
+            by_domain.setdefault(_domain_of_context(node, live, platform), []).append(node)
     return by_domain

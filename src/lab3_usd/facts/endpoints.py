@@ -31,7 +31,7 @@ from lab3_usd.facts.rates import rate_source
 from lab3_usd.facts.render_products import has_two_sizes, stereo_products
 from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.messages import NAMED
-from lab3_usd.isaac.node_types import INPUT, NodeType
+from lab3_usd.isaac.node_types import INPUT, KIND, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
@@ -167,7 +167,6 @@ _DIRECTIONS: dict[str, Direction] = {
     "helper": "publishes",
     "subscriber": "subscribes",
 }
-KIND = "inputs:type"
 _VIEWPORT = "inputs:viewport"  # before 6.0 a window could stand for the render product
 _VALID = r"^(/[A-Za-z_][A-Za-z0-9_]*)+$"
 

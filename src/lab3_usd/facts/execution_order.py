@@ -11,6 +11,7 @@ from typing import Literal
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, is_refused
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.topics import PRODUCT
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Severity
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, once_per_stage
@@ -432,9 +433,6 @@ def _text_of(node: Node, live: Nodes, depth: int) -> str | None:
     values = [effective_value(node, part, live, depth) for part in parts]
     texts = [str(value) for value in values if type(value) in (str, int)]
     return "".join(texts) if texts and len(texts) == len(parts) and not is_more else None
-
-
-PRODUCT = "inputs:renderProductPath"
 
 
 def sensor_of(node: Node, live: Nodes) -> str | None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.facts.execution_order import (
-    PRODUCT,
     Nodes,
     effective_value,
     event_of,
@@ -16,6 +15,7 @@ from lab3_usd.facts.execution_order import (
 )
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.topics import PRODUCT
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel
 

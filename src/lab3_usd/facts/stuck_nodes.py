@@ -24,7 +24,7 @@ from lab3_usd.facts.render_products import shown_by
 from lab3_usd.facts.sensor_faults import faults_of
 from lab3_usd.facts.stalled_nodes import is_given, unmet_needs
 from lab3_usd.isaac.behaviour import TargetOf
-from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.node_types import INPUT, KIND
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.topics import product_input
@@ -38,7 +38,7 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, absence_reason, once_per_stage
 
-_KIND, _FLAT = "inputs:type", "laser_scan"
+_FLAT = "laser_scan"
 _SENSORS = ("Camera", "OmniLidar", "OmniRadar")
 
 
@@ -270,7 +270,7 @@ def _without_scan(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
         elif prim.type in asked.types and asked.needs not in prim.apis:
             yield Stuck(node, f"{prim.path} has no {asked.needs}", not is_open)
         else:
-            is_scan = effective_value(node, _KIND, live) == _FLAT
+            is_scan = effective_value(node, KIND, live) == _FLAT
             for fault in faults_of(prim, platform, stage):
                 if fault.stops(is_scan=is_scan):
                     yield Stuck(node, f"{fault.message}, at {prim.path}", not fault.is_open)

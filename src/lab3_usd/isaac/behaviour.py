@@ -126,11 +126,15 @@ class TargetOf(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class QuantityOf(Struct, frozen=True, forbid_unknown_fields=True):
-    """The quantities that outputs give, and those that inputs are meant for."""
+    """The quantities that outputs give, and those that inputs are meant for.
+
+    `sizes` are the inputs that state a size of the driven robot, each with which one that is.
+    """
 
     source: str
     gives: Mapping[str, str] = {}
     takes: Mapping[str, tuple[str, ...]] = {}
+    sizes: Mapping[str, str] = {}
 
 
 @lru_cache(maxsize=1024)

@@ -14,6 +14,7 @@ from lab3_usd.isaac.values import Value
 
 INPUT = "inputs:"
 OUTPUT = "outputs:"
+KIND = "inputs:type"  # which of several messages a node sends
 # OmniGraph casts between numbers of one shape by itself; a union takes what it is given.
 NUMBERS = ("bool", "uchar", "int", "uint", "int64", "uint64", "half", "float", "double")
 
@@ -311,11 +312,11 @@ class DrivePorts(Struct, frozen=True):
 
     `path` names the robot and wins where it is set, `target` is its prim otherwise. `joints`: the
     names of the joints, `indices` their numbers, all where both are empty. `commands`: their
-    commands.
+    positions, velocities and efforts.
     """
 
     path: str
     target: str
     joints: str
     indices: str
-    commands: tuple[str, ...]
+    commands: tuple[str, str, str]

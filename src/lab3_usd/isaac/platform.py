@@ -31,11 +31,14 @@ class RosNames(Struct, frozen=True, forbid_unknown_fields=True):
     """What the ROS 2 bridge makes of names.
 
     The input `namespace` of a node, and the attribute `namespace_attribute` of prims, go before
-    topics. tf2 listens to the `tree_topics`, which may have several publishers.
+    topics. The input `domain` of a context names its domain; with that of `domain_by_environment`
+    the environment does. tf2 listens to the `tree_topics`, which may have several publishers.
     """
 
     namespace: str
     namespace_attribute: str
+    domain: str
+    domain_by_environment: str
     tree_topics: tuple[str, ...]
 
 

@@ -9,9 +9,8 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.isaac.node_types import NodeType, Port
+from lab3_usd.isaac.node_types import KIND, NodeType, Port
 
-_KIND = "inputs:type"
 BASE = (
     "6.0"  # the release that the types are written for, and by which a stage is judged by default
 )
@@ -68,7 +67,7 @@ def changed(node_type: NodeType, changes: TypeChanges | None) -> NodeType:
     tf = node_type.tf
     if tf is not None and set(tf.arrays) & set(changes.lacks):
         tf = replace(tf, arrays=())
-    kinds = () if changes.message else changes.allowed.get(_KIND, ())
+    kinds = () if changes.message else changes.allowed.get(KIND, ())
     message = {kind: name for kind, name in node_type.message.items() if not kinds or kind in kinds}
     return replace(
         node_type,

@@ -7,6 +7,7 @@ from functools import lru_cache
 
 from lab3_usd.isaac.node_types import INPUT, NodeType
 
+PRODUCT = f"{INPUT}renderProductPath"
 _ENDS = r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$"
 
 
@@ -32,7 +33,7 @@ def topic_switch(port: str) -> str:
 
 def product_input(port: str) -> str:
     """Return the input that takes the render product of this topic."""
-    return f"{INPUT}renderProductPath{_suffix(port)}"
+    return f"{PRODUCT}{_suffix(port)}"
 
 
 def frame_ports(kind: NodeType, port: str) -> tuple[str, ...]:

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.data import data_folder
 from lab3_usd.errors import UsageError
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.new_lab.yaml_text import document
 from lab3_usd.spec.contradictions.names import FRAME_FIELDS, GraphTopic, graph_topics, value_of
@@ -345,7 +346,6 @@ _RUNNING_HEAD = """\
 The topics of the playing stage, and the commands that show them.
 `handout` names the section each fact comes from; `from` the checkpoint from which it holds."""
 _TOPICS = "Add the section that asks for a rate (`rate`), and `durability`."
-_DOMAIN = "inputs:domain_id"
 _SOURCE = "press Play; the topic exists while the node that subscribes to it runs"
 
 
@@ -357,7 +357,7 @@ def ros_text(lab: Lab, steps: Sequence[Step]) -> str:
         for graph in lab.graphs.values()
         for node in graph.nodes.values()
         for setting in node.settings
-        if setting.port == _DOMAIN
+        if setting.port == f"{INPUT}{lab.platform.ros.domain}"
     )
     system = lab.ros.system
     data = {

@@ -11,31 +11,39 @@ from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import Vector, distance, transform_point
 
-_FRONT_RADIUS, _BACK_RADIUS = "inputs:frontWheelRadius", "inputs:backWheelRadius"
-_TRACK, _WHEEL_BASE = "inputs:trackWidth", "inputs:wheelBase"
 _OF_CAR = 4  # wheels
 
 
+def pair_sizes(pair: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:
+    """Return the sizes of a robot of two driven wheels in metres, as `QuantityOf` names them."""
+    return {"radius": _common_radius(pair, stage), "distance": wheel_distance(stage, *pair)}
+
+
 def car_sizes(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:
-    """Return the sizes of a car in metres, by the inputs that state them; none of other robots.
+    """Return the sizes of a car in metres, as `QuantityOf` names them; none of other robots.
 
     Its wheels are front left and right, back left and right (ackermann_controller.py:82-84).
     """
     if len(wheels) != _OF_CAR:
         return {}
-    sizes = {}
-    for port, pair in ((_FRONT_RADIUS, wheels[:2]), (_BACK_RADIUS, wheels[2:])):
-        one, other = (wheel_radius(joint, stage) for joint in pair)
-        sizes[port] = one if one == other else None
-    sizes[_TRACK] = wheel_distance(stage, wheels[2], wheels[3])
+    sizes = {
+        "front radius": _common_radius(wheels[:2], stage),
+        "back radius": _common_radius(wheels[2:], stage),
+        "track": wheel_distance(stage, *wheels[2:]),
+    }
     places = [place for joint in wheels if (place := _anchor_in_world(joint, stage)) is not None]
     if len(places) == _OF_CAR:
         a, b, c, d = places
         front, back = (
             [sum(pair) / 2 for pair in zip(*ends, strict=True)] for ends in ((a, b), (c, d))
         )
-        sizes[_WHEEL_BASE] = math.dist(front, back) * stage.meters_per_unit
+        sizes["wheel base"] = math.dist(front, back) * stage.meters_per_unit
     return sizes
+
+
+def _common_radius(pair: Sequence[Prim], stage: StageModel) -> float | None:
+    one, other = (wheel_radius(joint, stage) for joint in pair)
+    return one if one == other else None
 
 
 @once_per_stage

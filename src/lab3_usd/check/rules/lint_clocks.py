@@ -9,8 +9,6 @@ from lab3_usd.check.missing_wires import clock_publisher, context_wire
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.clocks import CLOCK, Stamp, stamps
 from lab3_usd.facts.domains import (
-    DOMAIN,
-    FROM_ENVIRONMENT,
     LAST_DOMAIN,
     Domain,
     context_inputs,
@@ -22,6 +20,7 @@ from lab3_usd.facts.domains import (
 from lab3_usd.facts.endpoints import Endpoint, moving_prims, running_endpoints
 from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.stalled_nodes import has_side_effects
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.stage import Node
@@ -118,15 +117,17 @@ def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Context with `inputs:domain_id = 5` and nothing else.
     """
+    ros = subject.platform.ros
+    port, switch = INPUT + ros.domain, INPUT + ros.domain_by_environment
     for contexts in domains(subject.stage, subject.platform).values():
         for context in contexts:
-            number = effective_value(context, DOMAIN, subject.live)
-            is_asked = effective_value(context, FROM_ENVIRONMENT, subject.live) is True
+            number = effective_value(context, port, subject.live)
+            is_asked = effective_value(context, switch, subject.live) is True
             if is_asked and number:
                 yield Problem(
                     context.path,
-                    f"{DOMAIN} is {number}, but ROS_DOMAIN_ID wins where it is set",
-                    property=FROM_ENVIRONMENT,
+                    f"{port} is {number}, but ROS_DOMAIN_ID wins where it is set",
+                    property=switch,
                     expected="False",
                     actual="True",
                 )
@@ -144,12 +145,13 @@ def domain_range(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Context with `inputs:domain_id = 250`.
     """
+    port = INPUT + subject.platform.ros.domain
     for domain, contexts in domains(subject.stage, subject.platform).items():
         for context in contexts if (domain.number or 0) > LAST_DOMAIN else ():
             yield Problem(
                 context.path,
-                f"{DOMAIN} is {domain.number}, and the last domain of ROS 2 is {LAST_DOMAIN}",
-                property=DOMAIN,
+                f"{port} is {domain.number}, and the last domain of ROS 2 is {LAST_DOMAIN}",
+                property=port,
                 expected=f"0 to {LAST_DOMAIN}",
                 actual=domain.name,
                 severity="warning" if domain.from_environment else None,

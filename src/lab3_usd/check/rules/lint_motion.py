@@ -39,7 +39,6 @@ from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.model.transforms import decompose, dot, rotate_vector
 
-_VELOCITY = "inputs:velocityCommand"
 _FASTEST = "physxJoint:maxJointVelocity"  # drive_rules.py:102 of Isaac Sim's own validation
 _APART, _ACROSS = -0.9, 0.5  # cosine of the angle between two axes
 _FLAT = 1.8  # widths of a wheel by its radius, from which on nothing tells its axis
@@ -51,13 +50,14 @@ def _wheel_commands(subject: LintSubject) -> tuple[tuple[Command, tuple[Prim, ..
     """Return the commands that a controller of wheels computes, with the joints of the wheels."""
     found = []
     for command in commands(subject.stage, subject.platform):
+        _, velocity, _ = command.ports.commands
         given = (
-            quantity_of(command.node, _VELOCITY, subject.stage, subject.platform)
+            quantity_of(command.node, velocity, subject.stage, subject.platform)
             if command.roots
             else None
         )
         if given is not None and given.name == _WHEEL_SPEEDS and subject.runs(command.node.path):
-            wheels = commanded_joints(command, _VELOCITY, subject.stage, subject.platform)
+            wheels = commanded_joints(command, velocity, subject.stage, subject.platform)
             found.append((command, tuple(wheels)))
     return tuple(found)
 

@@ -10,7 +10,7 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import wheel_radius
-from lab3_usd.check.robot.wheel_sizes import anchor, car_sizes, wheel_distance
+from lab3_usd.check.robot.wheel_sizes import anchor, car_sizes, pair_sizes
 from lab3_usd.facts.arrays import array_items, listed
 from lab3_usd.facts.articulations import (
     Command,
@@ -31,6 +31,7 @@ from lab3_usd.facts.execution_order import effective_value, live_sources
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.quantities import unit_of
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Place, Problem, display
@@ -276,8 +277,7 @@ def ignored_indices(subject: LintSubject) -> Iterator[Problem]:
 
 _BODIES = ("physics:body0", "physics:body1")
 
-_RADIUS, _DISTANCE = "inputs:wheelRadius", "inputs:wheelDistance"
-_SPEEDS = ("inputs:linearVelocity", "inputs:speed")
+_SPEED = "linear speed"
 _CLOSE = 0.05  # of the geometry, which a builder rounds
 
 
@@ -294,9 +294,7 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
     for command, controller, pair in driven_pairs(subject.stage, subject.platform):
-        radii = [wheel_radius(joint, subject.stage) for joint in pair]
-        sizes = {_RADIUS: None if radii[0] != radii[1] else radii[0]}
-        one, other = (radius or 0.0 for radius in radii)
+        one, other = (wheel_radius(joint, subject.stage) or 0.0 for joint in pair)
         if one and other and not math.isclose(one, other, rel_tol=_CLOSE):
             yield Problem(
                 controller.path,
@@ -305,8 +303,8 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
                 related=tuple(joint.path for joint in pair),
                 rests_on=command.unknown,
             )
-        sizes[_DISTANCE] = wheel_distance(subject.stage, *pair)
-        yield from _unlike_sizes(command, controller, pair, sizes, subject)
+        of_pair = pair_sizes(pair, subject.stage)
+        yield from _unlike_sizes(command, controller, pair, of_pair, subject)
     for command, controller, wheels in driven_wheels(subject.stage, subject.platform):
         if of_car := car_sizes(wheels, subject.stage):
             yield from _unlike_sizes(command, controller, wheels, of_car, subject)
@@ -320,11 +318,14 @@ def _unlike_sizes(
     subject: LintSubject,
 ) -> Iterator[Problem]:
     """Yield the sizes that a controller states, and that are not those that were measured."""
-    ports = (port for port in _SPEEDS if controller.type and controller.type.port(port))
-    unit = unit_of(controller, next(ports, _SPEEDS[0]), subject.stage, subject.platform)
+    known = subject.platform.quantities.get(controller.type.type) if controller.type else None
+    if known is None:
+        return
+    speed = next((INPUT + name for name, taken in known.takes.items() if _SPEED in taken), "")
+    unit = unit_of(controller, speed, subject.stage, subject.platform)
     units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
     unit_text = "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
-    for port, measured in sizes.items():
+    for port, measured in ((INPUT + name, sizes.get(size)) for name, size in known.sizes.items()):
         value = number(effective_value(controller, port, subject.live))
         if not value or not measured:
             continue

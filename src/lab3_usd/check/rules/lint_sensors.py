@@ -13,7 +13,8 @@ from lab3_usd.facts.sensor_faults import SensorFault, faults_of
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.facts.stuck_nodes import refused_target
 from lab3_usd.isaac.behaviour import SensorOf
-from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.node_types import INPUT, KIND
+from lab3_usd.isaac.topics import PRODUCT
 from lab3_usd.model.changes import ApplySchema
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import is_body
@@ -21,8 +22,7 @@ from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 
-_PRODUCT = "inputs:renderProductPath"
-_KIND, _FLAT = "inputs:type", "laser_scan"
+_FLAT = "laser_scan"
 _STEEP = 45.0  # degrees
 
 
@@ -85,7 +85,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(
                 node.path,
                 f"reads {path}, which has {f'type {prim.type}' if prim.type else 'no type'}",
-                property=_PRODUCT,
+                property=PRODUCT,
                 expected=" or ".join(needed.types),
                 actual=prim.type,
                 related=(path,),
@@ -294,7 +294,7 @@ def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
     up = AXES["XYZ".index(subject.stage.up_axis)]
     for node, needed, path in _read_sensors(subject):
         prim = subject.stage.prim(path)
-        is_flat = effective_value(node, _KIND, subject.live) == _FLAT
+        is_flat = effective_value(node, KIND, subject.live) == _FLAT
         if prim is None or prim.world is None or not (needed.needs and is_flat):
             continue
         tilt = angle_between(rotate_vector(AXES[2], decompose(prim.world).rotation), up)

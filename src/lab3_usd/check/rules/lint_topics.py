@@ -9,7 +9,6 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION
 from lab3_usd.facts.domains import are_surely_one
 from lab3_usd.facts.endpoints import (
-    KIND,
     PROFILE,
     Endpoint,
     Qos,
@@ -19,7 +18,7 @@ from lab3_usd.facts.endpoints import (
 from lab3_usd.facts.execution_order import effective_value, nodes_of
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.written_names import refused_namespaces, written_frames, written_topics
-from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.node_types import KIND, NodeType
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.stage import Node

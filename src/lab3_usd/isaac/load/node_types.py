@@ -45,7 +45,7 @@ class _DrivesEntry(Struct, forbid_unknown_fields=True):
     robot: tuple[str, str]
     joints: str
     indices: str
-    commands: tuple[str, ...]
+    commands: tuple[str, str, str]
 
 
 class _ProductEntry(Struct, forbid_unknown_fields=True):
@@ -281,10 +281,10 @@ def _drive_ports(
 ) -> DrivePorts | None:
     if entry is None:
         return None
-    path, target, joints, indices, *commands = _named(
+    path, target, joints, indices, position, velocity, effort = _named(
         (*entry.robot, entry.joints, entry.indices, *entry.commands), INPUT, ports, where
     )
-    return DrivePorts(path, target, joints, indices, tuple(commands))
+    return DrivePorts(path, target, joints, indices, (position, velocity, effort))
 
 
 def _product_ports(

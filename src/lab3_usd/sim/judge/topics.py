@@ -36,7 +36,6 @@ _KEPT = "transient_local"
 _LIMITS = ("maxLinearSpeed", "maxAngularSpeed")
 _RADIUS, _DISTANCE, _RIM = "wheelRadius", "wheelDistance", "maxWheelSpeed"
 _LENGTHS = (_LIMITS[0], _RADIUS, _DISTANCE)
-_BY_ENVIRONMENT = f"{INPUT}useDomainIDEnvVar"
 _PARENT, _CHILD = "header.frame_id", "child_frame_id"
 
 
@@ -185,7 +184,8 @@ def _goes_with_environment(lab: Lab) -> bool:
     So do nodes without a context (RN/nodes/OgnROS2Context.cpp:41-120, the default of the port).
     """
     nodes = (node for graph in lab.graphs.values() for node in graph.nodes.values())
-    return all(value_of(node, _BY_ENVIRONMENT) is not False for node in nodes)
+    switch = f"{INPUT}{lab.platform.ros.domain_by_environment}"
+    return all(value_of(node, switch) is not False for node in nodes)
 
 
 def _publishers(lab: Lab, message: str) -> Iterator[tuple[GraphSpec, NodeSpec]]:

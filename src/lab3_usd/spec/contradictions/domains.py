@@ -9,17 +9,17 @@ from lab3_usd.spec.contradictions.names import LabFault, file_of, value_of
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import ROS, Lab
 
-_DOMAIN, _BY_ENVIRONMENT = f"{INPUT}domain_id", f"{INPUT}useDomainIDEnvVar"
-
 
 def domain_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield domains of graphs that are not one, and a domain of the system that none of them is."""
     places: dict[object, str] = {}
+    ros = lab.platform.ros
+    port, switch = f"{INPUT}{ros.domain}", f"{INPUT}{ros.domain_by_environment}"
     for graph in lab.graphs.values():
         for node in graph.nodes.values():
-            if _DOMAIN in node.type.ports and value_of(node, _BY_ENVIRONMENT) is False:
-                domain = value_of(node, _DOMAIN)
-                places.setdefault(domain, f"{file_of(graph)}: {node.role}: domain_id")
+            if port in node.type.ports and value_of(node, switch) is False:
+                domain = value_of(node, port)
+                places.setdefault(domain, f"{file_of(graph)}: {node.role}: {ros.domain}")
         yield from _without_context(graph, places)
     system = lab.ros.system.domain
     (first, place), *others = [*places.items()] or [(system, "")]

@@ -8,7 +8,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.node_types import INPUT, KIND
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
 from lab3_usd.isaac.values import Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
@@ -46,9 +46,6 @@ def nearest(name: str, known: Iterable[str]) -> str | None:
     from difflib import get_close_matches
 
     return next(iter(get_close_matches(name, tuple(known), 1)), None)
-
-
-_KIND = f"{INPUT}type"
 
 
 class GraphTopic(Struct, frozen=True):
@@ -102,7 +99,7 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
             message = node.type.message
             yield GraphTopic(
                 name=topic,
-                type=message.get("") or message.get(str(value_of(node, _KIND))),
+                type=message.get("") or message.get(str(value_of(node, KIND))),
                 is_subscribed=node.type.role == "subscriber",
                 graph=graph.name,
                 role=node.role,
