@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from pathlib import Path
 from typing import Any
 
@@ -99,6 +100,23 @@ def test_a_car_that_turns_to_the_other_side_is_wrong(folder: Path, tmp_path: Pat
     change = on("/odom", to_the_other_side)
     found = faults(rewritten(folder / "both" / "domain_0", tmp_path / "run", change))
     assert "steered to turn to the left, turned -" in found["follows"]
+
+
+def test_odometry_shares_its_topic_with_messages_of_another_type(
+    folder: Path, tmp_path: Path
+) -> None:
+    def on_one_topic(sent: Sent) -> Iterator[Sent]:
+        yield sent
+        if sent.topic == "/tf":
+            yield Sent(sent.time, "/odom", sent.type, sent.held, sent.qos)
+
+    found = verdicts(rewritten(folder / "rover", tmp_path / "run", on_one_topic))
+    assert (found["odometry"], found["follows"]) == ("ok", "ok")
+
+
+def test_a_recording_of_nothing_is_not_judged(folder: Path, tmp_path: Path) -> None:
+    found = judged(rewritten(folder / "rover", tmp_path / "run", lambda _: iter(())))
+    assert (found["verdict"], found["missing"]) == ("not judged", "nothing was recorded")
 
 
 def test_a_joint_that_does_not_get_there_is_named(folder: Path, tmp_path: Path) -> None:

@@ -112,6 +112,7 @@ MODULES = {
         "lint_messages",
         "lint_frames",
         "lint_robots",
+        "lint_joints",
         "lint_drives",
         "lint_motion",
         "lint_sensors",

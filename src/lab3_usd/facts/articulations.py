@@ -9,6 +9,7 @@ from msgspec import Struct
 from lab3_usd.facts.arrays import joint_names, listed
 from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources, nodes_of
 from lab3_usd.facts.frame_targets import articulation_links
+from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.isaac.node_types import INPUT, DrivePorts
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_within
@@ -21,6 +22,7 @@ from lab3_usd.model.physics import (
     FIXED,
     JOINT_ENABLED,
     REVOLUTE,
+    bodies_below,
     ends,
     is_articulated,
     is_excluded,
@@ -194,6 +196,14 @@ def _first_joints(stage: StageModel) -> Mapping[str, Mapping[str, tuple[int, Pri
                 for top in ("/", *upwards(path)):
                     first.setdefault(top, {}).setdefault(joint.name, (number_of_joint, joint))
     return first
+
+
+def is_loose(joint: Prim, command: Command, stage: StageModel) -> bool:
+    """Whether a joint ties no body of a robot: its articulation has no axis there."""
+    joined = joined_bodies(stage)
+    own = {joined.owner(body) for root in command.roots for body in bodies_below(stage, root)}
+    tied = {joined.robots[body] for end in ends(joint) if (body := joined.carrier(end))}
+    return bool(own) and own.isdisjoint(tied) and stage.unknown(*ends(joint)) is None
 
 
 def has_joint(joints: Mapping[str, Prim], name: str) -> bool:

@@ -1,4 +1,4 @@
-"""Rules about robots: articulations, joints, drives and wheels."""
+"""Rules about robots: articulations, odometry, wheels, and who commands their joints."""
 
 from __future__ import annotations
 
@@ -11,33 +11,25 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.axles import wheel_radius
 from lab3_usd.check.robot.wheel_sizes import anchor, car_sizes, pair_sizes
-from lab3_usd.facts.arrays import array_items, listed
 from lab3_usd.facts.articulations import (
     Command,
     commands,
     commands_of,
     driven_pairs,
     driven_wheels,
-    has_joint,
     is_empty,
     joints_of,
     named_joints,
-    number_of_axes,
-    number_of_commands,
-    unused_indices,
     wired_commands,
 )
-from lab3_usd.facts.execution_order import effective_value, live_sources
+from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
-from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.quantities import unit_of
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.isaac.releases import is_within
-from lab3_usd.model.changes import Edit, SetValue
-from lab3_usd.model.finding import Place, Problem, display
+from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim, upwards
-from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
+from lab3_usd.model.stage import Node, StageModel
 
 
 @rule("K60", "no-articulation", scope="lint")
@@ -98,65 +90,6 @@ def nested_articulation(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(root, f"is an articulation root below another, {above}", related=(above,))
 
 
-@rule("K61", "unknown-joint", scope="lint")
-def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
-    """A controller names a joint that does not exist.
-
-    Why: the controller logs an error for each frame, and moves none of its joints.
-
-    Fix: use the name of the joint's prim in the Stage panel; for a joint with several axes, append
-    the number of the axis, as in `hip:0`.
-
-    Example: `left_wheel` instead of `left_wheel_joint`.
-    """
-    for command in commands(subject.stage, subject.platform):
-        known = joints_of(command, subject.stage)
-        for name in command.names or () if command.roots else ():
-            overrides = [joint.attributes.get("isaac:nameOverride") for joint in known.values()]
-            if name and not has_joint(known, name) and name not in overrides:
-                yield Problem(
-                    command.node.path,
-                    f"the robot has no joint '{name}'{did_you_mean(likely_name(name, known))}",
-                    property=command.ports.joints,
-                    expected=likely_name(name, known) or ", ".join(sorted(known)),
-                    actual=name,
-                    related=(command.robot,),
-                    fix=_without_space(command, name, subject) if name.strip() in known else (),
-                    rests_on=command.unknown or _unknown_joint(name, command, known, subject.stage),
-                    assumes=((command.node.path, command.port),),
-                )
-
-
-def _without_space(command: Command, name: str, subject: LintSubject) -> tuple[Edit, ...]:
-    """Return what takes the white space around a joint's name away, where it is written."""
-    ports, written = command.ports, command.names or ()
-    if not command.node.sources(ports.joints):
-        stripped = tuple(joint.strip() for joint in written)
-        return (SetValue(command.node.path, ports.joints, "token[]", stripped),)
-    return tuple(
-        SetValue(constant.path, port, "token", name.strip())
-        for maker, _ in live_sources(command.node, ports.joints, subject.live)
-        for item in maker.ports
-        for constant, port in live_sources(maker, item, subject.live)
-        if constant.value(port) == name
-    )
-
-
-def _unknown_joint(
-    name: str, command: Command, known: Mapping[str, Prim], stage: StageModel
-) -> UnresolvedAsset | None:
-    """Return the missing asset that could hold a joint, at a prim of its name or beside others.
-
-    Where the robot has none at all, any asset around it could hold them.
-    """
-    places = [prim.path for prim in stage.named(name)]
-    asset = stage.unknown(*places, *(f"{joint.parent}/{name}" for joint in known.values()))
-    if asset is None and not known:
-        around = (root.rpartition("/")[0] or root for root in command.roots)
-        asset = next(filter(None, map(stage.unknown_below, around)), None)
-    return asset
-
-
 @rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")
 def odometry_without_body(subject: LintSubject) -> Iterator[Problem]:
     """The chassis of odometry is neither body nor articulation root.
@@ -196,83 +129,6 @@ def _why_no_body(odometry: Followed) -> str:
         fault = "is no rigid body, and an articulation root to which no joint ties a body"
     is_other = odometry.body.path != odometry.prim.path
     return f"and its first link {odometry.body.path} {fault}" if is_other else f"which {fault}"
-
-
-@rule("K68", "command-count", scope="lint", formerly="number-of-commands")
-def command_count(subject: LintSubject) -> Iterator[Problem]:
-    """A controller receives more or fewer commands than joints.
-
-    Why: the controller requires one command for each joint that is named or given by number, or for
-    each of the robot where none is. Otherwise it logs an error at every update, and moves nothing.
-
-    Fix: name as many joints as there are commands, in the same order, or correct the commands.
-
-    Example: `jointNames = ["left_wheel"]`, and a Differential Controller gives two speeds.
-    """
-    for command in commands(subject.stage, subject.platform):
-        facts = subject.platform.joints.get(command.node.type.type if command.node.type else "")
-        may_spread = facts is not None and is_within(
-            subject.platform.release, "", facts.spreads_until
-        )
-        # Without a name all joints are meant.
-        is_for_all = command.names == () and facts is not None and not may_spread
-        axes = number_of_axes(command, subject.stage) if is_for_all else None
-        joints = axes if is_for_all else len(command.names or ())
-        listing = command.ports.joints
-        if command.names is None:  # given by number
-            numbers = listed(command.node, command.ports.indices, subject.live)
-            joints, listing = len(numbers or ()), command.ports.indices
-        for port in command.ports.commands if joints else ():
-            given = number_of_commands(command, port, subject.stage, subject.platform)
-            is_right = not given or given == joints or (given == 1 and (may_spread or is_for_all))
-            if not is_right:
-                named = f"{port} and {listing} differ in length: {given} and {joints}"
-                whole = f"{port} has {given} values, and the robot {joints} joints: none moves"
-                yield Problem(
-                    command.node.path,
-                    whole if is_for_all else named,
-                    property=port,
-                    expected=str(joints),
-                    actual=str(given),
-                    related=(command.robot,) if is_for_all else (),
-                    rests_on=(command.unknown if is_for_all else None)
-                    or subject.stage.unknown_inputs(command.node),
-                    assumes=tuple(_sizes_and_gaps(command, subject)),
-                )
-
-
-def _sizes_and_gaps(command: Command, subject: LintSubject) -> Iterator[Place]:
-    """Yield the sizes of the arrays that come in, and their elements without a value."""
-    for port in (command.ports.joints, *command.ports.commands):
-        for maker, _ in live_sources(command.node, port, subject.live):
-            items = array_items(maker)
-            for element in () if items is None else (items.count_port, *items.empty):
-                yield maker.path, element
-
-
-@rule("K69", "ignored-indices", scope="lint", severity="warning")
-def ignored_indices(subject: LintSubject) -> Iterator[Problem]:
-    """The joint indices of a controller are all 0.
-
-    Why: Isaac Sim before 6.2 treats a list of zeros as no list: the command goes to all joints of
-    the robot, not only to the first.
-
-    Fix: name the joint in Joint Names.
-
-    Example: `inputs:jointIndices = [0]` for the first joint of an arm.
-    """
-    for command in commands(subject.stage, subject.platform):
-        indices = unused_indices(command.node, command.ports, subject.stage, subject.platform)
-        joints = joints_of(command, subject.stage) if command.roots else {}
-        if indices and not command.names and len(joints) != 1:
-            yield Problem(
-                command.node.path,
-                f"{command.ports.indices} is {display(indices)}, which is ignored: all joints move",
-                property=command.ports.indices,
-                expected=f"a name in {command.ports.joints}",
-                actual=display(indices),
-                rests_on=command.unknown,
-            )
 
 
 _BODIES = ("physics:body0", "physics:body1")

@@ -100,6 +100,8 @@ def judge_any_recording(
         for check in behaviour.checks
     )
     verdict, missing = whole_verdict(checks)
+    if not judged[0].topics:
+        verdict, missing = "not judged", "nothing was recorded"
     driven = (
         replace(leg, name=f"{robot.name}: {leg.name}" if several else leg.name)
         for robot, behaviour in zip(robots, judged, strict=True)

@@ -23,7 +23,7 @@ from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.dry_run import DryRun, driven_legs, is_asked, path_rows
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
-from lab3_usd.sim.execution.recording import Pose
+from lab3_usd.sim.execution.recording import Odometry, Pose
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 from lab3_usd.sim.judge.checks import OF_STAGE, whole_verdict
 from lab3_usd.sim.judge.checks import verdict as verdict_of
@@ -142,21 +142,16 @@ def _root(recorded: Recorded) -> str:
 
 def odometry(recorded: Recorded) -> Iterator[RunFault]:
     """The velocities of odometry agree with its poses."""
-    trial, messages = (
-        recorded.trial,
-        recorded.trial.recording.topic(recorded.topics.wanted.odometry, 0),
-    )
-    times = [message.at for message in messages if message.data is not None]
+    trial = recorded.trial
+    sent = trial.recording.topic(recorded.topics.wanted.odometry, 0)
+    # Messages of other types may come on the topic as well.
+    told = [(message.at, message.data) for message in sent if isinstance(message.data, Odometry)]
     end = 0.0
     for leg in trial.drive[0].legs:
         start, end = end, end + leg.seconds
-        if leg.name not in {"ahead", "back", "left", "right"} or not times:
+        if leg.name not in {"ahead", "back", "left", "right"}:
             continue
-        inside = [
-            message.data
-            for message in messages
-            if message.data is not None and start < message.at <= end
-        ]
+        inside = [data for at, data in told if start < at <= end]
         if not inside:
             continue
         stretch = next((s for s in trial.stretches(leg.name) if s.leg is leg), None)
