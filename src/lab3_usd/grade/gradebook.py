@@ -33,6 +33,7 @@ from lab3_usd.model.finding import Report
 from lab3_usd.model.grade import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html.class_page import class_page
+from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, tool_version
 from lab3_usd.report.safe_text import safe_cell
 from lab3_usd.spec.lab import Lab
@@ -296,7 +297,7 @@ def write_student(
         **place,
         "reports": sorted(answer["reports"]),
     }
-    write_whole(folder / RESULT, (json.dumps(row, indent=1) + "\n").encode(), force=True)
+    write_whole(folder / RESULT, json_text(row, 1).encode(), force=True)
 
 
 class Rows(Sized, Iterable[Row]):
@@ -448,7 +449,7 @@ def _json_parts(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
 
 
 def _with_students(head: Row, rows: Iterable[Row]) -> Iterator[bytes]:
-    yield json.dumps(head, indent=1).removesuffix("\n}").encode() + b',\n "students": ['
+    yield json_text(head, 1).removesuffix("\n}\n").encode() + b',\n "students": ['
     between = b"\n"
     for row in rows:
         yield between + b"  " + json.dumps(row).encode()

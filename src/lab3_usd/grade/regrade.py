@@ -37,6 +37,7 @@ from lab3_usd.grade.scoring import Grade, SubmissionFacts, grade_facts
 from lab3_usd.grade.shared_reports import SHARED, shared_folder, write_shared
 from lab3_usd.model.finding import Report, Submission
 from lab3_usd.report.formats.registry import render
+from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options
 
 # What of a student's page shows the grade; pictures have titles as well.
@@ -201,7 +202,7 @@ def _write_points(out: Path, rubric: Rubric, row: Row, points: Grade) -> None:
     else:
         for name in (HTML, GRADESCOPE):
             write_whole(folder / name, reports[name].encode("utf-8", "replace"), force=True)
-    write_whole(folder / RESULT, (json.dumps(row, indent=1) + "\n").encode(), force=True)
+    write_whole(folder / RESULT, json_text(row, 1).encode(), force=True)
 
 
 def _with_findings(old: str, before: str, now: str) -> str:
@@ -220,4 +221,4 @@ def _with_findings(old: str, before: str, now: str) -> str:
         test["output"] = "\n\n".join(filter(None, blocks))
     new["output"] = document["output"]
     new["tests"] += [test for test in document["tests"] if "max_score" not in test]
-    return json.dumps(new, indent=2) + "\n"
+    return json_text(new, 2)

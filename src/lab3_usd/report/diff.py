@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import sys
 from collections.abc import Iterator
 from itertools import groupby
@@ -10,6 +9,7 @@ from itertools import groupby
 from msgspec.structs import asdict
 
 from lab3_usd.model.changes import ChangeKind, Part, StageChange, StageDiff
+from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.safe_text import printable, truncated_values
 
@@ -83,4 +83,4 @@ def render(diff: StageDiff) -> str:
         "equal": not diff.changes,
         "changes": [asdict(change) for change in diff.changes],
     }
-    return json.dumps(truncated_values(data), indent=1) + "\n"
+    return json_text(truncated_values(data), 1)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import accumulate
@@ -15,6 +14,7 @@ from lab3_usd.data import program
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.occupancy import MapFit
+from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.safe_text import folded, paint, printable, truncated_values
 
@@ -238,7 +238,7 @@ VERSION = 2
 
 def render_json(behaviour: Behaviour, findings: Sequence[Finding] = ()) -> str:
     """Return the behaviour as JSON text in ASCII, with what the rules find in its stage."""
-    return json.dumps(truncated_values(behaviour_json(behaviour, findings)), indent=1) + "\n"
+    return json_text(truncated_values(behaviour_json(behaviour, findings)), 1)
 
 
 def behaviour_json(behaviour: Behaviour, findings: Sequence[Finding]) -> dict[str, Any]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import json
-
 from lab3_usd.model.finding import Report, Severity
 from lab3_usd.report.entries import (
     crashes,
@@ -13,6 +11,7 @@ from lab3_usd.report.entries import (
     relative_path,
     site,
 )
+from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
@@ -58,4 +57,4 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
                 "location": {"path": file, "lines": {"begin": 1}},
             }
         )
-    return json.dumps(issues, indent=2) + "\n"
+    return json_text(issues, 2)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Collection, Iterator
 from typing import Any
 
@@ -11,6 +10,7 @@ from lab3_usd.model.finding import Finding, Report, Requirement, StageResult
 from lab3_usd.model.grade import GradeItem
 from lab3_usd.report.entries import crashes, gaps, site, summarize, summary_line
 from lab3_usd.report.formats.markdown import code, text
+from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options, Rules
 
 VISIBILITIES = ("hidden", "after_due_date", "after_published", "visible")
@@ -54,7 +54,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         "test_name_format": "text",
         "tests": tests,
     }
-    return json.dumps(document, indent=2) + "\n"
+    return json_text(document, 2)
 
 
 def _test(item: GradeItem, outputs: dict[str, str]) -> Json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 from typing import Any, Literal
 
 from msgspec import to_builtins
@@ -17,6 +16,7 @@ from lab3_usd.model.finding import (
     Score,
 )
 from lab3_usd.report.entries import Summary, fault_id, summarize
+from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import truncated_values
 
@@ -36,7 +36,7 @@ def dump(document: Json) -> str:
     ASCII, so that any console can print it and a path that is no valid Unicode comes back as it
     was given.
     """
-    return json.dumps(document, indent=2) + "\n"
+    return json_text(document, 2)
 
 
 def report_json(report: Report, *, requirements: bool = False) -> Json:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import re
 from pathlib import Path
 from typing import Any
@@ -19,6 +18,7 @@ from lab3_usd.report.entries import (
     relative_path,
     site,
 )
+from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import visible
 
@@ -78,7 +78,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             for entry, fingerprint_text in fingerprinted(report)
         ],
     }
-    return json.dumps({"$schema": SCHEMA, "version": VERSION, "runs": [run]}, indent=2) + "\n"
+    return json_text({"$schema": SCHEMA, "version": VERSION, "runs": [run]}, 2)
 
 
 def message(text: str) -> Json:
