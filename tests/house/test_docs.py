@@ -22,6 +22,7 @@ from unittest.mock import patch
 import click
 import forking
 import pytest
+from fork_server import FORKED_WORKERS
 from in_process import lab3
 from pages import blocks, inline, matches, sessions, tokens
 from places import REPOSITORY
@@ -182,35 +183,44 @@ def sandbox(program: Path, tmp_path: Path) -> Iterator[Sandbox]:
     programs = tmp_path / "bin"
     programs.mkdir()
     installed = "lab3" in {point.name for point in entry_points(group="pytest11")}
-    plugin = "" if installed else "-p lab3_usd.pytest_plugin "
+    plugin = "" if installed else " -p lab3_usd.pytest_plugin"
     forking.shim(programs / "lab3", "lab3_usd")
+    forking.preload("pytest")
+    forking.shim(programs / "pytest", "pytest")
     second = "import sys; sys.argv[0] = 'usdlab'; from lab3_usd.cli import run; run()"
-    shims = {"usdlab": f'-c "{second}" ', "python": "", "pytest": f"-m pytest {plugin}"}
+    shims = {"usdlab": f'-c "{second}" ', "python": ""}
     for name, arguments in shims.items():
         (programs / name).write_text(f'#!/bin/sh\nexec "{sys.executable}" {arguments}"$@"\n')
         (programs / name).chmod(0o755)
     dropped = ("COLUMNS", "PYTEST_ADDOPTS", "PYTEST_CURRENT_TEST", "NO_COLOR", "FORCE_COLOR")
     environment = {key: value for key, value in os.environ.items() if key not in dropped}
     environment |= {
+        **FORKED_WORKERS,
         "HOME": str(tmp_path),
         "CHECKOUT": str(ROOT),
         "PATH": f"{programs}{os.pathsep}{environment['PATH']}",
         "PYTHONPATH": str(folder / "src"),
         "PYTEST_DISABLE_PLUGIN_AUTOLOAD": "" if installed else "1",
-        "PYTEST_ADDOPTS": "-p no:anyio",  # which loads trio and asyncio
+        # anyio loads trio and asyncio; what is forked has the program's modules
+        "PYTEST_ADDOPTS": f"-p no:anyio -W ignore::pytest.PytestAssertRewriteWarning{plugin}",
     }
     yield Sandbox(folder, environment)
     program.mkdir()
     (folder / "src").rename(program / "src")
 
 
-def changes_the_lab(page: Path) -> bool:
-    return any(block.extra.endswith(".yaml") for block in blocks(page))
+def changes_the_program(page: Path) -> bool:
+    """Whether a page writes a file of a lab or a module."""
+    return any(block.extra.endswith((".yaml", ".py")) for block in blocks(page))
 
 
 def run_blocks(page: Path, sandbox: Sandbox) -> None:
     """Run what a page shows; a `text` block after Python is what that prints."""
-    sandbox = replace(sandbox, has_own_lab=changes_the_lab(page))
+    if changes_the_program(page):
+        sandbox = replace(sandbox, has_own_lab=True)
+    else:  # a process that has this checkout's program need not import the copy
+        path = {"PYTHONPATH": str(ROOT / "src")}
+        sandbox = replace(sandbox, environment=sandbox.environment | path)
     printed = None
     for block in blocks(page):
         if block.language == "text" and printed is not None:

@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
 import os
+import re
+import shlex
 import shutil
 import subprocess
 import sys
@@ -58,12 +61,13 @@ def files_below(folder: Path) -> set[str]:
 
 # Makes the source archive, and the wheel from what that holds; it takes less time to pack loosely.
 BUILD = """
-import gzip, os, shutil, sys
+import gzip, os, shutil, sys, zlib
 from functools import partial
 from unittest.mock import patch
 from hatchling.build import build_sdist, build_wheel
 folder = sys.argv[1]
-with patch.object(gzip, "GzipFile", partial(gzip.GzipFile, compresslevel=1)):
+zlib.Z_DEFAULT_COMPRESSION = 0
+with patch.object(gzip, "GzipFile", partial(gzip.GzipFile, compresslevel=0)):
     name = build_sdist(folder)
 shutil.unpack_archive(os.path.join(folder, name), os.path.join(folder, "unpacked"))
 (source,) = os.scandir(os.path.join(folder, "unpacked"))
@@ -126,33 +130,60 @@ def packages_of(folder: Path) -> Path:
     return packages
 
 
+# Runs commands one after the other, and prints of each what it printed, errors first, and how it
+# ended.
+SESSION = """
+import io, json, sys
+from lab3_usd import cli
+told = []
+for sys.argv in json.loads(sys.argv[1]):
+    sys.stdout, sys.stderr = out, err = [io.TextIOWrapper(io.BytesIO(), "utf-8") for _ in "oe"]
+    status = 0
+    try:
+        cli.main()
+    except SystemExit as leaving:
+        status = leaving.code or 0
+    for stream in (err, out):
+        stream.flush()
+    told.append(((err.buffer.getvalue() + out.buffer.getvalue()).decode(), status))
+json.dump(told, sys.__stdout__)
+"""
+STATUS = '; echo "exit code $?"'
+
+
 @pytest.mark.skipif(os.name == "nt", reason="the console blocks are those of a POSIX shell")
-@pytest.mark.timeout(300)  # a dozen processes of a new environment, which compile what they import
+@pytest.mark.timeout(300)  # processes of a new environment, which compile what they import
 def test_the_first_ten_minutes_of_the_readme(
     elsewhere: Path, repository: Path, tmp_path: Path
 ) -> None:
-    """Install, demo, lint, check, fix, dry run, and a stage of one's own."""
+    """Install, demo, lint, check, fix, dry run, and a stage of one's own.
+
+    What needs no shell is run in one process of the new environment.
+    """
     programs = elsewhere / "env" / "bin"
-
-    def shown(command: str) -> str:
-        """What a command prints, errors first, in a terminal without colours."""
-        kept = {name: os.environ[name] for name in ("HOME", "LANG") if name in os.environ}
-        path = f"{programs}{os.pathsep}{os.environ['PATH']}"
-        done = subprocess.run(
-            ["/bin/sh", "-c", command], cwd=tmp_path, env={**kept, "PATH": path},
-            capture_output=True, text=True, check=False, timeout=100,
-        )  # fmt: skip
-        return done.stderr + done.stdout
-
-    readme = [
-        block.text for block in blocks(repository / "README.md") if block.language == "console"
-    ]
-    for command, expected in (each for text in readme for each in sessions(text)):
-        printed = shown(command)
-        assert matches(expected, printed), f"$ {command}\n{printed}"
+    kept = {name: os.environ[name] for name in ("HOME", "LANG") if name in os.environ}
+    environment = {**kept, "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}"}
+    page = [*blocks(repository / "README.md")]
+    consoles = [sessions(block.text) for block in page if block.language == "console"]
+    examples = [example for console in consoles for example in console]
+    commands = [command.removesuffix(STATUS) for command, _ in examples]
+    assert [each for each in commands if not re.fullmatch(r"lab3 [\w ./-]+", each)] == []
+    calls = json.dumps([shlex.split(command) for command in commands])
+    done = subprocess.run(
+        [programs / "python", "-c", SESSION, calls], cwd=tmp_path, env=environment,
+        capture_output=True, text=True, check=True, timeout=100,
+    )  # fmt: skip
+    for (command, expected), (printed, status) in zip(
+        examples, json.loads(done.stdout), strict=True
+    ):
+        code = f"exit code {status}\n" if command.endswith(STATUS) else ""
+        assert matches(expected, printed + code), f"$ {command}\n{printed}{code}"
     Sdf.Layer.FindOrOpen(str(tmp_path / "carter.usda")).Export(str(tmp_path / "my_robot.usd"))
-    first = next(block.text for block in blocks(repository / "README.md"))
-    assert "my_robot.usd: fail, 3 errors" in shown(first)
+    own = subprocess.run(
+        ["/bin/sh", "-c", page[0].text], cwd=tmp_path, env=environment,
+        capture_output=True, text=True, check=False, timeout=100,
+    )  # fmt: skip
+    assert "my_robot.usd: fail, 3 errors" in own.stderr + own.stdout
 
 
 EXAMPLE = "lab3_usd/_data/docs/examples/carter.usda"  # which `lab3 demo` copies

@@ -187,12 +187,20 @@ def _become(program: Program) -> None:
     if not program.isolated:
         path = program.environment.get(PATH)
         sys.path[:0] = [program.folder if program.module else "", *([path] if path else [])]
-        for name in [name for name in sys.modules if path and name.startswith("lab3_usd")]:
-            del sys.modules[name]  # that path may have another copy of the program
+        others = [] if _has_this_program(path) else [*sys.modules]
+        for name in others:
+            if name.startswith("lab3_usd"):
+                del sys.modules[name]  # that path may have another copy of the program
     sys.stdin = open(0, closefd=False)  # noqa: SIM115 - streams of this process
     sys.stdout = open(1, "w", closefd=False)  # noqa: SIM115
     sys.stderr = open(2, "w", 1, errors="backslashreplace", closefd=False)  # noqa: SIM115
     sys.__stdin__, sys.__stdout__, sys.__stderr__ = sys.stdin, sys.stdout, sys.stderr
+
+
+def _has_this_program(path: str | None) -> bool:
+    """Whether a process with that path of modules would import what this one has imported."""
+    package = Path(str(sys.modules["lab3_usd"].__file__)).parent
+    return path is None or Path(path).resolve() == package.parent
 
 
 def _status_of(program: Program) -> int:
