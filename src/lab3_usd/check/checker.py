@@ -148,7 +148,7 @@ def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
 
 
 _STAGE = ""  # the part of a stage that most rules are about: all of it
-_Known = dict[tuple[str, str, str], RuleResults]
+_Known = dict[tuple[str, str | None], RuleResults]
 
 
 def _known_results(stage: StageModel, lab: Lab, checkpoint: Checkpoint) -> _Known:
@@ -178,12 +178,13 @@ class _Run(Struct, frozen=True):
 
     def rule(self, rule: Rule, subject: Any, part: str | None = None) -> None:
         """Run one rule and keep its findings, once where graphs built in one share a node."""
-        results = None if part is None else self.known.get((rule.id, rule.scope, part))
+        key = (rule.id, part)
+        results = self.known.get(key)
         if results is None:
             before = self.stage.checkpoint_uses
             results = run_rule(rule, subject, self.lab)
             if part is not None and self.stage.checkpoint_uses == before:
-                self.known[rule.id, rule.scope, part] = results
+                self.known[key] = results
         if results is NOTHING:
             return
         self.crashes.extend(results.crashes)

@@ -56,10 +56,9 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     # A site that a rule comes to by several ways is left open once.
     not_judged: dict[NotJudged, None] = {}
     crashes: tuple[Crash, ...] = ()
-    stage = getattr(subject, "stage", None)
     try:
-        for found in _problems(rule, subject):
-            problem = _as_written(found, stage) if isinstance(stage, StageModel) else found
+        for found in problems_of(rule, subject):
+            problem = _as_judged(found, rule, subject)
             if problem.rests_on is None:
                 findings.append(finding_of(rule, problem, lab))
             else:
@@ -76,13 +75,14 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     return RuleResults(tuple(findings), crashes, tuple(not_judged), left_open=tuple(left_open))
 
 
-def _problems(rule: Rule, subject: Any) -> Iterator[Problem]:
-    problems = problems_of(rule, subject)
-    if not holds_without_lab(rule):
-        return problems
-    from lab3_usd.check.demands import with_demand
+def _as_judged(problem: Problem, rule: Rule, subject: Any) -> Problem:
+    """Return a problem with what a lab asks for there, and in the words of its file."""
+    if holds_without_lab(rule):
+        from lab3_usd.check.demands import with_demand
 
-    return (with_demand(problem, subject) for problem in problems)
+        problem = with_demand(problem, subject)
+    stage = getattr(subject, "stage", None)
+    return _as_written(problem, stage) if isinstance(stage, StageModel) else problem
 
 
 def problems_of(rule: Rule, subject: Any) -> Iterator[Problem]:
