@@ -54,6 +54,7 @@ class _GraphItem(Struct, frozen=True):
 def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     """Yield every node, setting, target and wire of one graph, met or not."""
     settings = {(each.spec.role, each.setting.port): each for each in settings_of(subject)}
+    nested = {spec.role for node, spec in subject.matched if is_nested(node, subject.stage)}
     for item in _items_of(subject):
         node, expected = subject.roles.node_of[item.role], item.expected
         unmet = item.unmet
@@ -69,7 +70,7 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
         else:
             is_met = type(expected) is not Target or target_matches(node, expected)
         met = item.met
-        if node is not None and is_nested(node, subject.stage):
+        if item.role in nested:
             met = replace(met, judged=False)
         yield met if is_met else unmet
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
@@ -74,9 +74,8 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
     """
     stage = subject.stage
     lost: dict[tuple[str, bool], list[Prim]] = {}
-    for prim in stage.with_api(lambda api: api in {BODY_API, COLLISION_API}):
-        is_asked = prim.present and _is_tied(prim, stage)
-        owners = prim.relationships.get(_OWNER, ()) if is_asked else ()
+    for prim in _tied(stage.with_api(lambda api: api in {BODY_API, COLLISION_API}), stage):
+        owners = prim.relationships.get(_OWNER, ()) if prim.present else ()
         if owners and not any(_is_scene(owner, stage) for owner in owners):
             lost.setdefault((owners[0], is_body(prim)), []).append(prim)
     for (owner, are_bodies), prims in lost.items():
@@ -172,11 +171,11 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
                     expected="one body",
                     actual=", ".join(targets),
                 )
-    for prim in stage.with_api(lambda api: api in {MASS_API, BODY_API}):
-        if prim.present and _is_tied(prim, stage):
+    for prim in _tied(stage.with_api(lambda api: api in {MASS_API, BODY_API}), stage):
+        if prim.present:
             yield from _ignored_masses(prim, stage)
-    for shape in stage.with_api(COLLISION_API):
-        scale = _uneven(shape) if _is_tied(shape, stage) and collides(shape) else ""
+    for shape in _tied(stage.with_api(COLLISION_API), stage):
+        scale = _uneven(shape) if collides(shape) else ""
         if scale:
             yield Problem(
                 shape.path,
@@ -189,7 +188,8 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
 
 def _ignored_masses(prim: Prim, stage: StageModel) -> Iterator[Problem]:
     """Yield what is written of the mass of a prim and has no effect."""
-    written = {name: prim.attributes.get(name) for name in _MASSES}
+    held = prim.attributes
+    written = {name: held[name] for name in _MASSES if name in held}
     for name, value in written.items():
         if any(part < 0 for part in _parts(value)):
             yield Problem(
@@ -214,9 +214,9 @@ def _ignored_masses(prim: Prim, stage: StageModel) -> Iterator[Problem]:
         )
 
 
-def _parts(value: Value | None) -> list[float]:
+def _parts(value: Value) -> list[float]:
     """Return the numbers of a value, or the one that it is."""
-    return numbers(value) if isinstance(value, tuple) else numbers((value or 0.0,))
+    return numbers(value if isinstance(value, tuple) else (value,))
 
 
 @once_per_stage
@@ -224,13 +224,12 @@ def _tied_bodies(stage: StageModel) -> frozenset[str]:
     return frozenset(path for joint in joints(stage) for path in bodies(joint) if path)
 
 
-def _is_tied(prim: Prim, stage: StageModel) -> bool:
-    """Whether a prim is a body that a joint ties, or belongs to one."""
+def _tied(prims: Iterable[Prim], stage: StageModel) -> Iterator[Prim]:
+    """Yield the prims that are a body that a joint ties, or belong to one."""
     known, tied = rigid_bodies(stage), _tied_bodies(stage)
-    for path in upwards(prim.path):
-        if path in known:
-            return path in tied
-    return False
+    for prim in prims:
+        if next(filter(known.__contains__, upwards(prim.path)), "") in tied:
+            yield prim
 
 
 def _uneven(shape: Prim) -> str:

@@ -315,9 +315,10 @@ def _holds(subject: RobotSubject) -> Iterator[tuple[Prim, int, UnresolvedAsset |
     for joint in joints(stage):
         ends = bodies(joint)
         on_robot = [_is_on_robot(end, subject) for end in ends]
+        if on_robot.count(True) != 1:
+            continue
         on_wheel = any(is_at_or_below(end, wheel.link) for end in ends for wheel in wheels)
-        is_wheels = joint in own or on_wheel
-        if on_robot.count(True) == 1 and not is_wheels:
+        if joint not in own and not on_wheel:
             asset = None if all(ends) else stage.unknown(joint.path)
             yield joint, on_robot.index(True), asset
 
@@ -328,9 +329,10 @@ def _is_on_robot(body: str, subject: RobotSubject) -> bool:
     A root that is no body stands for the world, as whatever has no body above it does.
     """
     path = subject.robot.path
+    if body != path:
+        return is_at_or_below(body, path)
     root = subject.stage.prim(path)
-    moves = root is not None and is_body(root)
-    return is_at_or_below(body, path) and (body != path or moves)
+    return root is not None and is_body(root)
 
 
 def _switched_off(subject: RobotSubject, link: str) -> tuple[str, ...]:
@@ -364,4 +366,6 @@ def _groups(subject: RobotSubject, links: list[str]) -> dict[str, str]:
 
 def _link_of(body: str, links: list[str]) -> str:
     """Return the link that a joint's target moves with."""
+    if body in links:  # as most joints name it
+        return body
     return max((link for link in links if is_at_or_below(body, link)), key=len, default=body)

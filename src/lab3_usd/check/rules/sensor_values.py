@@ -23,6 +23,10 @@ def refused_values(
     A value that the lab asks for is reported as such, where it has another.
     """
     prim, spec = sensor.prim, sensor.spec
+    faults = faults_of(prim, subject.platform, subject.stage)
+    faults = tuple(fault for fault in faults if fault.severity in severities)
+    if not faults:
+        return
     values = values_of(prim, subject.platform, subject.stage)
     other = {
         name
@@ -35,8 +39,8 @@ def refused_values(
         for name in (*prim.attributes, *lab)
         if not same_value(prim.attributes.get(name), lab.get(name))
     }
-    for fault in faults_of(prim, subject.platform, subject.stage):
-        if fault.severity not in severities or other & {*fault.attributes}:
+    for fault in faults:
+        if other & {*fault.attributes}:
             continue
         name = next(iter(fault.attributes), None)
         yield Problem(
