@@ -6,7 +6,7 @@ The lab's files, its handout, graph specs, requirements and checkpoints.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from pathlib import Path
 
 from msgspec import Struct
@@ -143,7 +143,7 @@ class LocalizationSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={
     handout: str
 
 
-class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
+class FrameSpec(Struct, frozen=True, dict=True, forbid_unknown_fields=True):
     """The TF tree.
 
     Frames may also be deeper below `deeper_under` than the edges say, as in a joint tree. `names`
@@ -157,7 +157,7 @@ class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
     names: Mapping[str, str] = {}
     localization: LocalizationSpec | None = None
 
-    @property
+    @cached_property
     def roots(self) -> tuple[str, ...]:
         """The frames at the top of what a stage publishes: one for each tree."""
         children = {child for _, child in self.edges}
@@ -181,7 +181,12 @@ class FrameSpec(Struct, frozen=True, forbid_unknown_fields=True):
         """The transforms that no node may publish."""
         return self.forbidden if isinstance(self.forbidden, tuple) else (self.forbidden,)
 
-    @property
+    @cached_property
+    def forbidden_names(self) -> frozenset[str]:
+        """The usual names of nodes that publish what no node may."""
+        return frozenset(name for entry in self.forbidden_transforms for name in entry.nodes)
+
+    @cached_property
     def guarded(self) -> dict[str, str]:
         """The frames that no stage may place: tops that the lab guards, with the sections."""
         said = {entry.child: entry.handout for entry in self.forbidden_transforms}

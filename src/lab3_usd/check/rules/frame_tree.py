@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
@@ -11,12 +10,13 @@ from lab3_usd.check.lab_frames import TfView
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.check.repairs import removal_or_repair
+from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.facts.domains import domain_of
 from lab3_usd.facts.execution_order import effective_value, running_nodes
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.isaac.node_types import NodeType, TfPorts
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.stage import AbsentPrim, Node, PortState
+from lab3_usd.model.stage import AbsentPrim, Node, PortState, once_per_stage
 from lab3_usd.spec.lab import FrameSpec
 
 _DELETED = "deactivated"
@@ -48,7 +48,7 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
     """
     subject = view.subject
     frames = subject.lab.frames
-    placements = list(_placements(view))
+    placements = _placements(view)
     for placement in placements:
         if not _competes(placement, frames):
             yield _placed(placement, view)
@@ -64,27 +64,29 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
     yield from _put_away(subject)
 
 
-def _placements(view: TfView) -> Iterator[_Placement]:
-    seen = set()
+@once_per_stage
+def _placements(view: TfView) -> tuple[_Placement, ...]:
+    guarded, found = view.subject.lab.frames.guarded, dict[str, _Placement]()
     for edge in view.edges:
-        if view.is_guarded(edge) and edge.cause not in seen:
-            seen.add(edge.cause)
+        if edge.cause not in found and view.is_guarded(edge):
             port = _wrong_port(edge.parent, tf_ports(view.live_nodes[edge.cause]), view)
-            yield _Placement(edge.cause, edge.parent, edge.child, port)
+            found[edge.cause] = _Placement(edge.cause, edge.parent, edge.child, port)
     for path, node in view.live_nodes.items():
         names = tf_ports(node).names
-        is_away = path not in view.role_specs and not view.is_heard(
-            domain_of(node, view.live_nodes, view.platform)
-        )
-        if names and not is_away and path not in seen:
-            parent, child = (effective_value(node, name, view.live_nodes) for name in names)
-            if not isinstance(child, str) or child not in view.subject.lab.frames.guarded:
-                continue
-            parent = parent if isinstance(parent, str) else None
-            runs = path in running_nodes(view.subject.stage, view.subject.lab.platform)
-            unheard = ", though not on a topic of tf2" if runs else ", though nothing triggers it"
-            port = _wrong_port(parent, tf_ports(node), view)
-            yield _Placement(path, parent, child, port, unheard)
+        if not names or path in found:
+            continue
+        parent, child = (effective_value(node, name, view.live_nodes) for name in names)
+        if not isinstance(child, str) or child not in guarded:
+            continue
+        domain = domain_of(node, view.live_nodes, view.platform)
+        if path not in view.role_specs and not view.is_heard(domain):
+            continue
+        parent = parent if isinstance(parent, str) else None
+        runs = path in running_nodes(view.subject.stage, view.subject.lab.platform)
+        unheard = ", though not on a topic of tf2" if runs else ", though nothing triggers it"
+        port = _wrong_port(parent, tf_ports(node), view)
+        found[path] = _Placement(path, parent, child, port, unheard)
+    return tuple(found.values())
 
 
 def _competes(placement: _Placement, frames: FrameSpec) -> bool:
@@ -140,8 +142,7 @@ def _placed(placement: _Placement, view: TfView) -> Problem:
 
 def _is_forbidden_name(path: str, subject: StageSubject) -> bool:
     """Whether the prim has a forbidden name, a copy's number left aside."""
-    name = re.sub(r"_\d+$", "", path.rpartition("/")[2])
-    return any(name in entry.nodes for entry in subject.lab.frames.forbidden_transforms)
+    return is_named(path.rpartition("/")[2], subject.lab.frames.forbidden_names)
 
 
 def _handout_of_names(frames: FrameSpec) -> str:
