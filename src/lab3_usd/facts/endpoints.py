@@ -16,6 +16,7 @@ from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, domain_of
 from lab3_usd.facts.execution_order import (
+    LiveNodes,
     Nodes,
     effective_value,
     fed_by_sensor,
@@ -211,7 +212,9 @@ def endpoints(stage: StageModel, platform: Platform) -> tuple[Endpoint, ...]:
     """Return every topic of every node in an active graph, in the order of topic and node."""
     live, running = live_nodes(stage, platform), working_nodes(stage, platform)
     states = working_states(stage, platform)
-    certain = {path: node for path, node in running.items() if states[path] == "runs"}
+    is_certain = all(state == "runs" for state in states.values())
+    surely = (node for path, node in running.items() if states[path] == "runs")
+    certain = running if is_certain else LiveNodes(surely)
     nodes = (live, running, certain)
     unordered = [
         _endpoint(node, port, stage, platform, nodes)
@@ -262,7 +265,7 @@ def _endpoint(
     static = switch is not None and effective_value(node, switch, live) is True
     is_refused_pair = has_two_sizes(stereo_products(node, stage, live))
     runs = _is_at_work(node, port, live, running) and not is_refused_pair
-    is_sure = len(certain) == len(running) or _is_at_work(node, port, live, certain)
+    is_sure = certain is running or _is_at_work(node, port, live, certain)
     frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
     return Endpoint(
         topic=resolve(namespace_of(node, stage, platform, live), written)

@@ -27,12 +27,12 @@ _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 
 
 class LiveNodes(dict[str, Node]):
-    """The live nodes of a stage by path, and what feeds their inputs, which is worked out once."""
+    """Live nodes of a stage by path, and which of them feed their inputs, worked out once."""
 
     __slots__ = ("fed",)
 
     def __init__(self, nodes: Iterable[Node]) -> None:
-        """Take the nodes of a stage."""
+        """Take all live nodes of a stage, or some."""
         super().__init__((node.path, node) for node in nodes)
         self.fed: dict[tuple[str, str], tuple[PortState, _Sources]] = {}
 
@@ -80,7 +80,7 @@ def run_states(stage: StageModel, platform: Platform) -> dict[str, State]:
 
 
 @once_per_stage
-def nodes_of_their_own(stage: StageModel, platform: Platform) -> dict[str, Node]:
+def nodes_of_their_own(stage: StageModel, platform: Platform) -> Nodes:
     """Return the nodes that run or may run without somebody at the screen, by path."""
     live = live_nodes(stage, platform)
     if platform.by_hand.isdisjoint(node.type_name for node in live.values()):
@@ -128,10 +128,11 @@ def states_without(
     return {path: states[path] for path in computing if path in states}
 
 
-def running_nodes(stage: StageModel, platform: Platform) -> dict[str, Node]:
+@once_per_stage
+def running_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
     """Return the nodes that run or may run, by path."""
     live = live_nodes(stage, platform)
-    return {path: live[path] for path in run_states(stage, platform)}
+    return LiveNodes(live[path] for path in run_states(stage, platform))
 
 
 def severity_if_uncertain(stage: StageModel, platform: Platform, *paths: str) -> Severity | None:

@@ -237,19 +237,34 @@ def parent_frame(node: Node, stage: StageModel, platform: Platform) -> str:
     return frame_name(prim, stage) if prim else platform.world_frame
 
 
-def computed_pairs(node: Node, stage: StageModel, platform: Platform) -> list[Pair]:
+def computed_pairs(node: Node, stage: StageModel, platform: Platform) -> Sequence[Pair]:
     """Return the frames that a node's target prims give, in the order of the targets.
 
     Targets that do not exist, and those whose frames only a missing asset knows, give
     none.
     """
+    if not listed_targets(node):
+        return ()
+    known = _pairs_of_nodes(stage, platform)
+    found = known.get(node.path)
+    if found is None or found[0] is not node:
+        found = known[node.path] = node, _pairs_of(node, stage, platform)
+    return found[1]
+
+
+@once_per_stage
+def _pairs_of_nodes(
+    _stage: StageModel, _platform: Platform
+) -> dict[str, tuple[Node, Sequence[Pair]]]:
+    """Keep the frames of each node by its path, which several rules ask for."""
+    return {}
+
+
+def _pairs_of(node: Node, stage: StageModel, platform: Platform) -> Sequence[Pair]:
     sources: list[tuple[str, str]] = []  # target prim, prim of the frame
     links: Links = {}
     expanded: set[str] = set()
-    targets = listed_targets(node)
-    if not targets:
-        return []
-    for target in targets:
+    for target in listed_targets(node):
         made = _frames_of(target, node, stage)
         if made != {target: ""}:
             expanded.add(target)

@@ -9,6 +9,7 @@ from msgspec import Struct
 from lab3_usd.facts.articulations import articulations, is_empty
 from lab3_usd.facts.domains import LAST_DOMAIN, context_inputs, domain_of, invalid_contexts
 from lab3_usd.facts.execution_order import (
+    LiveNodes,
     Nodes,
     State,
     effective_value,
@@ -16,6 +17,7 @@ from lab3_usd.facts.execution_order import (
     live_sources,
     nodes_of,
     run_states,
+    running_nodes,
     signal_sources,
     states_without,
 )
@@ -85,10 +87,14 @@ def working_states(stage: StageModel, platform: Platform) -> dict[str, State]:
     }
 
 
-def working_nodes(stage: StageModel, platform: Platform) -> dict[str, Node]:
+@once_per_stage
+def working_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
     """Return the nodes that do their work, or may, by path."""
+    states = working_states(stage, platform)
+    if states == run_states(stage, platform):
+        return running_nodes(stage, platform)
     live = live_nodes(stage, platform)
-    return {path: live[path] for path in working_states(stage, platform)}
+    return LiveNodes(live[path] for path in states)
 
 
 def obstacle(node: Node, stage: StageModel, platform: Platform) -> Stuck | None:

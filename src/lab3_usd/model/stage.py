@@ -142,7 +142,7 @@ class Node(Struct, frozen=True):
         state = self.ports.get(port)
         if state is None or not state.usd_type or self.type is None:
             return None
-        known = self.type.port(port)
+        known = self.type.ports.get(port) or self.type.port(port)
         if known is None or known.usd_type == state.usd_type or known.is_union or known.is_target:
             return None
         return None if are_alike(state.usd_type, known.usd_type) else state.usd_type
