@@ -7,7 +7,7 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import rules_of
-from lab3_usd.check.robot.wheels import joint_names
+from lab3_usd.check.robot.wheels import listed_names
 from lab3_usd.check.rule_runs import problems_of
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, UnresolvedAsset
@@ -65,13 +65,13 @@ def test_joints_that_nobody_can_know_may_be_the_wheels() -> None:
     array = next(node for node in copied().nodes if node.name == "make_array")
     sized = m.wired(array, "inputs:arraySize", f"{PLACE}/size.outputs:value")
     live = live_nodes(m.stage(copied(sized, unknown("size"))), m.lab().platform)
-    assert joint_names(live[MOVER], "inputs:jointNames", live) is None
+    assert listed_names(live[MOVER], "inputs:jointNames", live) is None
     assert said(m.stage(copied(sized, unknown("size")))) == [(MOVER, None)]
 
 
 def test_the_names_of_an_array_are_followed() -> None:
     live = live_nodes(m.stage(copied()), m.lab().platform)
-    assert joint_names(live[MOVER], "inputs:jointNames", live) == (
+    assert listed_names(live[MOVER], "inputs:jointNames", live) == (
         "wheel_left_joint",
         "wheel_right_joint",
     )

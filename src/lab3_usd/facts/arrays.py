@@ -10,7 +10,7 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node
 
 
-def joint_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
+def listed_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
     """Return the names that reach an input as a list, None where they are unknown."""
     value = listed(node, port, live)
     is_known = value is not None and all(isinstance(item, str) for item in value)

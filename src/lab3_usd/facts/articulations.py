@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
-from lab3_usd.facts.arrays import joint_names, listed
+from lab3_usd.facts.arrays import listed, listed_names
 from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources, nodes_of
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.facts.joined_bodies import joined_bodies
@@ -96,7 +96,7 @@ def _commands(stage: StageModel, platform: Platform) -> Iterator[Command]:
         path = effective_value(node, ports.path, live)
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
-        names = joint_names(node, ports.joints, live)
+        names = listed_names(node, ports.joints, live)
         is_by_number = _has_indices(node, ports, stage, platform) and not unused_indices(
             node, ports, stage, platform
         )

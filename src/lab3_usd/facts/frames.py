@@ -11,6 +11,7 @@ from collections.abc import Iterable, Mapping, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.facts.arrays import listed, listed_names
 from lab3_usd.facts.domains import Domain, domain_of
 from lab3_usd.facts.endpoints import message_type, moving_prims, namespace_of, resolve
 from lab3_usd.facts.execution_order import (
@@ -302,12 +303,20 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
         domain = domain_of(node, scene.live_nodes, scene.platform)
         edge = replace(edge, sure=_is_sure(scene, node), domain=domain)
         return PublishedTransforms(node, topic, (edge,))
+    domain = domain_of(node, scene.live_nodes, scene.platform)
+    written = _written_frames(node, ports, scene)
+    if written is not None:
+        is_sure = _is_sure(scene, node)
+        named = (
+            Edge(*frames, node.path, node.path, topic, static, sure=is_sure, domain=domain)
+            for frames in written
+        )
+        return PublishedTransforms(node, topic, tuple(named))
     arrays = _arrays(node, ports, scene) if ports.prims else None
     if arrays is None:
         return PublishedTransforms(node, topic, None)
     maker = arrays.maker
     is_sure = _is_sure(scene, node, maker)
-    domain = domain_of(node, scene.live_nodes, scene.platform)
     edges = []
     for pair in arrays.pairs:
         parent, child = ((pair.parent, pair.child)[place] for place in arrays.order)
@@ -322,6 +331,23 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
         for frames in (unresolved_frames_of(maker, scene.stage) if arrays.is_filled else ())
     )
     return PublishedTransforms(node, topic, tuple(edges), hidden)
+
+
+def _written_frames(node: Node, ports: TfPorts, scene: _Scene) -> list[tuple[str, str]] | None:
+    """Return the frames that arrays name which are written or made of texts; None for no such ones.
+
+    There are none where arrays differ in length, for then nothing is sent.
+    """
+    names = [listed_names(node, port, scene.live_nodes) for port in ports.arrays]
+    if not names or not all(names):
+        return None
+    inputs = () if node.type is None else node.type.ports.values()
+    lists = (port.name for port in inputs if port.usd_type.endswith("[]"))
+    arrays = [listed(node, port, scene.live_nodes) for port in lists]
+    if len({len(array) for array in arrays if array is not None}) > 1:
+        return []
+    parents, children = ([tf2_name(name) for name in array or ()] for array in names)
+    return [*zip(parents, children, strict=True)]
 
 
 def _is_sure(scene: _Scene, *nodes: Node) -> bool:

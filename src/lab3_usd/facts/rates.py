@@ -43,6 +43,9 @@ def rate_source(
 
 def _camera_named(node: Node, stage: StageModel, live: Nodes) -> str | None:
     """Return the camera of a render product that is named and used as it is, None without one."""
+    written = None if node.sources(PRODUCT) else stage.products.get(str(node.value(PRODUCT)))
+    if written is not None:
+        return written.camera or None
     for source, _ in live_sources(node, PRODUCT, live):
         ports = None if source.type is None else source.type.product
         named = () if ports is None else source.targets(ports.named)

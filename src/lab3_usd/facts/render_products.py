@@ -14,7 +14,7 @@ from lab3_usd.model.stage import Node, StageModel
 class Shown(Struct, frozen=True):
     """The sensor whose product reaches a node, and the size; None where that is unknown.
 
-    `maker` is the node that makes the product.
+    `maker` is the node that makes the product, or names it itself.
     """
 
     sensor: str
@@ -25,8 +25,14 @@ class Shown(Struct, frozen=True):
 def shown_by(node: Node, port: str, stage: StageModel, live: Mapping[str, Node]) -> Shown | None:
     """Return what the product at an input shows, None where nothing tells it.
 
-    A product that is named is used as it is (OgnIsaacCreateRenderProduct.py:113-142).
+    A product that is named is used as it is (OgnIsaacCreateRenderProduct.py:113-142), and so is one
+    whose path is written into the input (OgnROS2CameraHelper.py:258-264).
     """
+    if not node.sources(port):
+        written = stage.products.get(str(node.value(port)))
+        if written is None or not written.camera:
+            return None
+        return Shown(written.camera, _size(written.size), node.path)
     sources = live_sources(node, port, live)
     maker = sources[0][0] if len(sources) == 1 else None
     ports = maker.type.product if maker is not None and maker.type is not None else None

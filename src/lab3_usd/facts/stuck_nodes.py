@@ -64,6 +64,7 @@ def stuck_nodes(stage: StageModel, platform: Platform) -> dict[str, Stuck]:
         *_without_prim(stage, platform),
         *_without_context(stage, platform),
         *_without_camera(stage, platform),
+        *_without_product(stage, platform),
         *_without_scan(stage, platform),
     ):
         found.setdefault(one.node.path, one)
@@ -257,6 +258,40 @@ def _without_camera(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
         for size in ports.size:
             if effective_value(node, size, live) == 0:
                 yield Stuck(node, f"{size} is 0")
+
+
+class LostProduct(Struct, frozen=True, eq=False):
+    """A render product that a node names by its path, and that is not there or shows no camera.
+
+    `sure` is False where the application or a missing asset may make it.
+    """
+
+    node: Node
+    port: str
+    path: str
+    sure: bool
+
+
+def lost_products(stage: StageModel, platform: Platform) -> Iterator[LostProduct]:
+    """Yield the render products whose path is written, and which give nothing to publish.
+
+    Source: OgnROS2CameraHelper.py:258-264.
+    """
+    for node in nodes_of(lambda kind: kind.type in platform.sensors, stage, platform):
+        port = "" if node.type is None else product_input(node.type.topics[0])
+        path = None if node.sources(port) else node.value(port)
+        product = stage.products.get(str(path))
+        if not isinstance(path, str) or not path or (product is not None and product.camera):
+            continue
+        is_made = product is None and platform.graph.ignores(path)
+        is_open = is_made or stage.unknown(path) is not None
+        yield LostProduct(node, port, path, not is_open)
+
+
+def _without_product(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+    for lost in lost_products(stage, platform):
+        why = f"{lost.port} is {lost.path}, which shows no camera"
+        yield Stuck(lost.node, why, lost.sure)
 
 
 def _without_scan(stage: StageModel, platform: Platform) -> Iterator[Stuck]:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
-from lab3_usd.facts.arrays import joint_names
+from lab3_usd.facts.arrays import listed_names
 from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
@@ -248,7 +248,7 @@ def _commands_wheels(node: Node, subject: RobotSubject, live: Nodes) -> bool:
     commands = (effective_value(node, port, live) for port in ports.commands)
     if not any(value is None or value != () for value in commands):
         return False
-    names = joint_names(node, ports.joints, live)
+    names = listed_names(node, ports.joints, live)
     wheels = set(subject.robot.wheels.joints)
     if names and not wheels & set(names):
         return False

@@ -9,9 +9,10 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import effective_value, nodes_of, sensor_of
+from lab3_usd.facts.render_products import shown_by
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
 from lab3_usd.facts.sensor_values import values_of
-from lab3_usd.facts.stuck_nodes import refused_target
+from lab3_usd.facts.stuck_nodes import lost_products, refused_target
 from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.node_types import INPUT, KIND
 from lab3_usd.isaac.topics import PRODUCT
@@ -31,7 +32,8 @@ def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
     sensors = subject.platform.sensors
     for node in nodes_of(lambda kind: kind.type in sensors, subject.stage, subject.platform):
         needed = sensors.get("" if node.type is None else node.type.type)
-        path = sensor_of(node, subject.live)
+        shown = shown_by(node, PRODUCT, subject.stage, subject.live)
+        path = sensor_of(node, subject.live) if shown is None else shown.sensor
         if needed is not None and path is not None:
             yield node, needed, path
 
@@ -278,6 +280,15 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
                     expected="above 0",
                     actual="0",
                 )
+    for lost in lost_products(subject.stage, subject.platform):
+        if lost.sure:
+            yield Problem(
+                lost.node.path,
+                f"{lost.port} is {lost.path}, which shows no camera",
+                property=lost.port,
+                expected="a render product",
+                actual=lost.path,
+            )
 
 
 @rule("K76", "lidar-on-its-side", scope="lint", severity="warning")

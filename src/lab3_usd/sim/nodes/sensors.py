@@ -49,12 +49,11 @@ def create_render_product(node: NodeInstance, world: World) -> bool:
     named = node.targets("renderProductPrim")
     prim = world.scene.prims.get(named[0]) if len(named) == 1 else None
     if prim is not None:  # it is used as it is, whatever it shows (:113-142)
-        camera, size = next(iter(prim.targets.get("camera", ())), ""), prim.values.get(RESOLUTION)
-        if prim.type != RENDER_PRODUCT or camera not in world.scene.prims:
+        shown = _product_at(prim, world)
+        if shown is None:
             return node.fails(f"{prim.path} shows no camera", "wrong-render-product")
-        width, height = size if isinstance(size, tuple) and len(size) == 2 else _PRODUCT_SIZE  # noqa: PLR2004
-        product = Product(camera, width, height)
-    if width <= 0 or height <= 0:
+        product = shown
+    if product.width <= 0 or product.height <= 0:
         return node.fails("its picture has no size", "empty-image")
     name = next((name for name, known in world.products.items() if known == product), "")
     name = name or node.memory.get("path") or f"/Render/Product{len(world.products)}"
@@ -73,10 +72,23 @@ def product_of(node: NodeInstance, world: World) -> Product | None:
         return None
     if node.memory.get("attached"):
         return None
-    product = world.products.get(node.text("renderProductPath", world))
+    path = node.text("renderProductPath", world)
+    prim = world.scene.prims.get(path)
+    product = world.products.get(path) or (None if prim is None else _product_at(prim, world))
+    if product is None and prim is None and path and world.platform.graph.ignores(path):
+        world.not_simulated[node.path] = f"what the application makes at {path}"
     if product is None:
         node.fails("no render product reaches it", "no-render-product")
     return product
+
+
+def _product_at(prim: ScenePrim, world: World) -> Product | None:
+    """Return what a prim shows that is a render product of the stage, None for another one."""
+    camera, pixels = next(iter(prim.targets.get("camera", ())), ""), prim.values.get(RESOLUTION)
+    if prim.type != RENDER_PRODUCT or camera not in world.scene.prims:
+        return None
+    width, height = pixels if isinstance(pixels, tuple) and len(pixels) == 2 else _PRODUCT_SIZE  # noqa: PLR2004
+    return Product(camera, width, height)
 
 
 def attach(

@@ -13,6 +13,7 @@ from lab3_usd.isaac.messages import NAMED, with_fields
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.topics import PRODUCT
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import (
     DEACTIVATED,
@@ -107,12 +108,14 @@ def _path_of(prim: Usd.Prim) -> str:
 
 def _named_products(stage: Usd.Stage, scan: _Scan) -> dict[str, RenderProduct]:
     """Return the render products that nodes name, also those that the application ignores."""
-    named = (
+    nodes = [node for nodes in scan.nodes.values() for node in nodes if node.type is not None]
+    named = [
         node.targets(node.type.product.named)
-        for nodes in scan.nodes.values()
         for node in nodes
         if node.type is not None and node.type.product is not None
-    )
+    ]
+    texts = (node.value(name) for node in nodes for name in node.ports if name.startswith(PRODUCT))
+    named += [(text,) for text in texts if isinstance(text, str) and text.startswith("/")]
     products = {}
     for path in (path for paths in named for path in paths):
         prim = stage.GetPrimAtPath(path)
