@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from breaking import Step, broken, correct_stage, the_lab
-from dry_runs import DRIVE, SHORT, driven, faults
+from dry_runs import DRIVE, SHORT, TO_THE_WALL, driven, faults
 from fault_stages import MOTION
 from layerings import one_text_file
 from pxr import Gf, Usd, UsdGeom
@@ -213,7 +213,7 @@ def crate(stage: Usd.Stage, ahead: float, size: float) -> None:
 def test_what_stops_the_robot_is_no_fault_of_its_controller(ahead: float, size: float) -> None:
     stage = correct_stage("02")
     crate(stage, ahead, size)
-    found = faults(driven(stage, wanted=DRIVING))
+    found = faults(driven(stage, TO_THE_WALL, DRIVING))
     assert {each.verdict for each in found} == {"not judged"}
     assert all("a wall stops it" in each.message for each in found)
 

@@ -10,7 +10,7 @@ from typing import get_args
 
 import pytest
 from breaking import broken, correct_stage, the_lab
-from dry_runs import DRIVE, EXPECTED, SHORT, driven
+from dry_runs import DRIVE, EXPECTED, SHORT, TO_THE_WALL, driven
 from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
 from golden import assert_golden_case
 from linting import linted
@@ -83,7 +83,8 @@ def faults(kind: FaultKind) -> list[tuple[str, RunFault]]:
     stage = correct_stage("02" if check in MOTION else "05")
     change(stage)
     takes_long = check in {*MOTION, "clock"}
-    return faults_of(driven(stage, DRIVE if takes_long else SHORT))
+    whole = TO_THE_WALL if kind == "wall-ahead" else DRIVE
+    return faults_of(driven(stage, whole if takes_long else SHORT))
 
 
 @pytest.mark.parametrize("kind", STAGES)

@@ -53,14 +53,21 @@ EXPECTED = Expected(
     upward=(0.0, 0.0, 1.0),
     static=frozenset({"/tf_static"}),
 )
-# All that the fixed drive does, no leg longer than a second.
-DRIVE = tuple(
-    replace(
-        session,
-        legs=tuple(replace(leg, seconds=min(leg.seconds, 1.0)) for leg in session.legs),
+
+
+def _no_leg_longer(seconds: float) -> tuple[Session, ...]:
+    """Return all that the fixed drive does, but briefly."""
+    return tuple(
+        replace(
+            session,
+            legs=tuple(replace(leg, seconds=min(leg.seconds, seconds)) for leg in session.legs),
+        )
+        for session in fixed_drive()
     )
-    for session in fixed_drive()
-)
+
+
+DRIVE = _no_leg_longer(0.6)
+TO_THE_WALL = _no_leg_longer(1.0)
 SHORT = drive_of(
     "0.15,0,0.6 0,0.8,0.3", EXPECTED.limits
 )  # where it is of no importance how it drives
