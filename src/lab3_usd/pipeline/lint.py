@@ -75,21 +75,19 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
         UsageError: the release is not known, or the installed usd-core has no validators.
     """
     settings = settings or LintSettings()
-    if not settings.native:
-        return _without_ignored(_linted(path, settings.release), settings)
-    from lab3_usd.pipeline.native import with_native
     from lab3_usd.stage.read.opening import kept_open
 
-    with kept_open():
-        return _without_ignored(with_native(_linted(path, settings.release)), settings)
+    with kept_open():  # so that nothing is asked of the stage twice
+        result = _linted(path, settings.release)
+        if settings.native:
+            from lab3_usd.pipeline.native import with_native
 
+            result = with_native(result)
+        if settings.heeds_ignores:
+            from lab3_usd.pipeline.results import scopes_run, without_ignored
 
-def _without_ignored(result: StageResult, settings: LintSettings) -> StageResult:
-    if not settings.heeds_ignores:
-        return result
-    from lab3_usd.pipeline.results import scopes_run, without_ignored
-
-    return without_ignored(result, scopes_run(starter=None, native=settings.native))
+            result = without_ignored(result, scopes_run(starter=None, native=settings.native))
+    return result
 
 
 def _linted(path: str | Path, release: str) -> StageResult:

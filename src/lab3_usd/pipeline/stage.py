@@ -42,6 +42,13 @@ def check_stage(
         raise UsageError(
             f"there is no checkpoint '{number}'; known are {', '.join(lab.checkpoints)}"
         )
+    from lab3_usd.stage.read.opening import kept_open
+
+    with kept_open():  # so that nothing is asked of the stage twice
+        return _checked(path, number, lab)
+
+
+def _checked(path: str | Path, number: str, lab: Lab) -> StageResult:
     from lab3_usd.stage.read.opening import cached, open_stage, quiet
 
     try:
