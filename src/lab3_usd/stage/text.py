@@ -42,13 +42,12 @@ def read_ignore_notes(stage: Usd.Stage, given: str) -> tuple[IgnoreNote, ...]:
     root = stage.GetRootLayer()
     for layer in stage.GetUsedLayers():
         data = _bytes_of(layer)
-        if data.startswith(b"#"):
-            may_hold_data |= any(form in data for form in _IN_TEXT)
-            if _GROUP.encode() in data:
-                name = given if layer == root else layer_name(layer, root, given)
-                comments += _comments(data.decode("utf-8", "replace"), name)
-        else:
+        if not data.startswith(b"#"):
             may_hold_data |= any(trace in data for trace in _TRACES)
+        elif _GROUP.encode() in data:
+            may_hold_data |= any(form in data for form in _IN_TEXT)
+            name = given if layer == root else layer_name(layer, root, given)
+            comments += _comments(data.decode("utf-8", "replace"), name)
     return (*comments, *(_in_custom_data(stage) if may_hold_data else ()))
 
 

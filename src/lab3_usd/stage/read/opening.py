@@ -213,6 +213,8 @@ def _check_text(path: Path, data: bytes) -> None:
     if b"\0" in data:
         line = data.count(b"\n", 0, data.index(b"\0")) + 1
         raise StageError(f"{path}: line {line} holds a NUL byte; the file is damaged", line)
+    if data.isascii():  # as most text is, which needs no second copy
+        return
     try:
         data.decode("utf-8")
     except UnicodeDecodeError as error:

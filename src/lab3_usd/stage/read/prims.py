@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections import defaultdict
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from pathlib import Path
@@ -121,16 +122,16 @@ class PrimIndex(Struct, frozen=True):
     """
 
     prims: list[tuple[Usd.Prim, str, Sequence[str]]] = field(default_factory=list)
-    by_type: dict[str, list[int]] = field(default_factory=dict)
-    by_api: dict[str, list[int]] = field(default_factory=dict)
+    by_type: defaultdict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
+    by_api: defaultdict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, prim: Usd.Prim, type_name: str, apis: Sequence[str]) -> None:
         """Add the next prim."""
         number = len(self.prims)
         self.prims.append((prim, type_name, apis))
-        self.by_type.setdefault(type_name, []).append(number)
+        self.by_type[type_name].append(number)
         for api in apis:
-            self.by_api.setdefault(api, []).append(number)
+            self.by_api[api].append(number)
 
 
 class StagePrims(Prims):

@@ -237,9 +237,11 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
     @property
     def type(self) -> str:
         """The declared type of an attribute, `rel` for a relationship, '' for neither."""
-        if self._is_relationship:
-            return RELATIONSHIP
-        return str(self.specs[0].typeName) if self.specs else ""
+        if not self.specs:
+            return ""
+        strongest = self.specs[0]
+        is_relationship = type(strongest) is Sdf.RelationshipSpec
+        return RELATIONSHIP if is_relationship else str(strongest.typeName)
 
     def value(self, longest: int = LONGEST) -> Value | None:
         """Return the value that a layer gives to an attribute, as `plain_value` does."""
@@ -286,6 +288,8 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
 
 def _paths(spec: Sdf.PropertySpec, field: str) -> tuple[str, ...]:
     """Return the paths that the only layer of a property lists, which needs no composition."""
+    if not Sdf.Spec.HasInfo(spec, field):  # as of most properties, which costs less than the list
+        return ()
     paths = Sdf.Spec.GetInfo(spec, field).ApplyOperations([])
     return tuple(map(str, paths)) if paths else ()
 
