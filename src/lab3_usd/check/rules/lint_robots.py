@@ -22,7 +22,7 @@ from lab3_usd.facts.articulations import (
     named_joints,
     wired_commands,
 )
-from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.quantities import unit_of
 from lab3_usd.isaac.node_types import INPUT
@@ -202,9 +202,9 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
     """Two nodes command the same joint, or one names it twice.
 
     Why: each command overwrites the other at every update, and the joint that it was meant for may
-    have none. A controller without joint names commands all joints. If the names come over a wire,
-    as in the graph of the menu for joint states, and the other controller commands all joints, it
-    is a warning.
+    have none. A controller without joint names commands all joints. It is a warning if the names
+    come over a wire, as in the graph of the menu for joint states, and the other controller
+    commands all joints, and of a copy, which gives the same commands.
 
     Fix: delete one of the controllers, or give each only its own joints; name each joint once.
 
@@ -231,14 +231,37 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
             shared, is_sure = _shared(command, other, subject)
             if shared:
                 does = "commands" if is_sure else "may command"
+                is_copy = _do_the_same(command.node, other.node, subject.live, set())
                 yield Problem(
                     command.node.path,
                     f"{does} {', '.join(shared)}, which {other.node.path} commands as well",
                     property=command.ports.joints,
                     related=(other.node.path,),
-                    severity=None if is_sure else "warning",
+                    severity="warning" if is_copy or not is_sure else None,
                 )
                 break
+
+
+def _do_the_same(one: Node, other: Node, live: Nodes, compared: set[tuple[str, str]]) -> bool:
+    """Whether two nodes have equal types, values and targets, and so has all that feeds them."""
+    if one.path == other.path or (one.path, other.path) in compared:
+        return True
+    compared.add((one.path, other.path))
+    if one.type_name != other.type_name:
+        return False
+
+    def is_alike(port: str) -> bool:
+        first, second = (live_sources(node, port, live) for node in (one, other))
+        if [name for _, name in first] != [name for _, name in second]:
+            return False
+        fed = zip(first, second, strict=True)
+        return (
+            all(_do_the_same(a, b, live, compared) for (a, _), (b, _) in fed)
+            and (bool(first) or one.value(port) == other.value(port))
+            and one.targets(port) == other.targets(port)
+        )
+
+    return all(is_alike(port) for port in {*one.ports, *other.ports} if port.startswith(INPUT))
 
 
 def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[str], bool]:
