@@ -443,6 +443,15 @@ def test_a_name_that_the_drive_shares_with_a_renamed_joint_is_repaired_with_it_a
     assert_repaired(path, "--unsafe")
 
 
+def test_a_renamed_link_that_graphs_follow_is_one_mistake_with_one_repair(tmp_path: Path) -> None:
+    link = f"{ROBOT}/base_footprint"
+    path = saved(tmp_path, {"move": [link, f"{ROBOT}/base"]}, checkpoint="05")
+    listed = fix(path, "--unsafe").stdout
+    assert [line.split()[2] for line in listed.splitlines() if line.startswith("would")] == ["S01"]
+    assert_repaired(path, "--unsafe")
+    assert "nameOverride" not in path.read_text()
+
+
 def test_a_graph_whose_place_is_taken_is_offered_no_repair(tmp_path: Path) -> None:
     path = saved(tmp_path, {"copy": [DRIVE, f"{DRIVE}_01"]}, {"deactivate": DRIVE})
     (left,) = fix(path, "--in-place", "--unsafe").stdout.splitlines()[:1]

@@ -28,7 +28,7 @@ from lab3_usd.facts.frame_targets import (
 from lab3_usd.facts.frames import Edge, certain_edges, unknown_publishers
 from lab3_usd.facts.tree import tree
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
-from lab3_usd.model.finding import Finding, Problem, Severity, display
+from lab3_usd.model.finding import Finding, Place, Problem, Severity, display
 from lab3_usd.model.physics import rigid_bodies
 from lab3_usd.model.prims import is_at_or_below
 
@@ -173,9 +173,11 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
     site: tuple[str, str] = (cause, port)
     fix = removal_or_repair(view.subject, cause, port, severity)
     prim = next(iter(node.targets(port)), None)
+    assumed: tuple[Place, ...] = ()
     if cause in view.role_specs and prim and frame_name(prim, view.subject.stage) != expected:
         site = (prim, NAME_OVERRIDE)
         fix = (_naming(prim, expected),)
+        assumed = tuple((path, None) for path in _links_named(expected, view))
     return Problem(
         site[0],
         f"'{actual}' is the parent of {frame_list_text(frames)}, expected '{expected}'",
@@ -186,12 +188,22 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
         severity=severity,
         fix=fix,
         covers=frame_places(actual, expected, *frames),
-        assumes=tuple(
-            (path, port)
-            for path in dict.fromkeys((cause, *(edge.publisher for edge in edges)))
-            for port in tf_ports(view.live_nodes[path]).inputs
+        assumes=(
+            *assumed,
+            *(
+                (path, port)
+                for path in dict.fromkeys((cause, *(edge.publisher for edge in edges)))
+                for port in tf_ports(view.live_nodes[path]).inputs
+            ),
         ),
     )
+
+
+def _links_named(frame: str, view: TfView) -> Iterator[str]:
+    """Yield the links of the lab that have this frame: the target may be one of them, renamed."""
+    lab = view.subject.lab
+    for robot in lab.scene.robots:
+        yield from (path for path in robot.link_paths if lab.frame_of(path) == frame)
 
 
 @rule("T20", "lost-frames", scope="requirements", severity="note")
