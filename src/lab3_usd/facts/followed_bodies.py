@@ -49,7 +49,7 @@ def _followed_bodies(stage: StageModel, platform: Platform) -> Iterator[Followed
         demand = _demand(node, platform)
         prim = None if demand is None else stage.prim(_first(node.targets(INPUT + demand.prim)))
         if demand is None or prim is None:
-            continue  # another rule reports a target that does not exist
+            continue
         path = prim.path
         is_robot = demand.robot in prim.apis and is_within(platform.release, demand.robot_since, "")
         if is_robot and not _is_body(prim, demand):

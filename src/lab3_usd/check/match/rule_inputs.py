@@ -6,7 +6,6 @@ from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from msgspec import Struct, field
-from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, are_surely_one
 from lab3_usd.facts.execution_order import (
@@ -351,11 +350,8 @@ class LintSubject(Struct, frozen=True, eq=False):
         yield from ()
 
     def message_frames(self) -> Iterator[MessageFrame]:
-        """Yield the frames of messages; of a slash before or no name at all another rule speaks."""
-        for named in message_frames(self.stage, self.platform):
-            name = named.name.lstrip("/")
-            if name:
-                yield replace(named, name=name)
+        """Yield the frames of messages."""
+        yield from message_frames(self.stage, self.platform)
 
     def frames_in(self, domain: str) -> Collection[str]:
         """Return the frames that are published in a domain, where all transforms are known."""

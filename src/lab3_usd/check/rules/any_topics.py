@@ -63,7 +63,7 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
             is_twice = endpoint.node.path == right.node.path
             are_known = None not in (right.type, endpoint.type)
             if are_known and right.type != endpoint.type and not is_twice:
-                continue  # of two types the rule of types speaks
+                continue  # two kinds of messages, not one that is sent twice
             if is_twice:
                 yield Problem(
                     endpoint.node.path,
@@ -73,7 +73,7 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
                     actual=endpoint.topic,
                     severity=_severity(right, endpoint, subject=subject),
                 )
-            elif not _is_of_second_lidar(endpoint, subject):
+            else:
                 again.setdefault(graph_of(endpoint), []).append((endpoint, topic))
     for repeats in again.values():
         first = repeats[0][0]
@@ -97,18 +97,9 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
             related=tuple(dict.fromkeys(path for path in paths if path != first.node.path)),
             severity=severity,
             fix=tuple(_without(repeats, subject)) if severity is None else (),
-            assumes=assumed(first, subject)[:2],
+            assumes=assumed(first, subject),
             covers=(once_there(first.node.path),),
         )
-
-
-def _is_of_second_lidar(endpoint: Endpoint, subject: TopicsSubject) -> bool:
-    """Whether a node lies below a lidar beside that of the lab, of which its own rule speaks."""
-    if not isinstance(subject, StageSubject):
-        return False
-    from lab3_usd.check.robot.sensors import second_lidars
-
-    return any(is_at_or_below(endpoint.node.path, lidar.path) for lidar in second_lidars(subject))
 
 
 def _judged_publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
@@ -164,7 +155,7 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
         key = (str(endpoint.topic), domain_name(endpoint.domain, subject))
         known = first.setdefault(key, endpoint)
         expected = known.type if wanted is None else wanted.type
-        is_twice = known.node is endpoint.node and known is not endpoint  # another rule says so
+        is_twice = known.node is endpoint.node and known is not endpoint
         if endpoint.type == expected or is_twice or plays_role(endpoint, subject):
             continue
         ends = (known, endpoint) if wanted is None else (endpoint,)

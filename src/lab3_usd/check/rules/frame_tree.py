@@ -90,7 +90,7 @@ def _placements(view: TfView) -> tuple[_Placement, ...]:
 
 
 def _competes(placement: _Placement, frames: FrameSpec) -> bool:
-    """Whether a node publishes what localization does, of which another rule speaks."""
+    """Whether a node publishes what localization does."""
     edge = None if frames.localization is None else frames.localization.edge
     return (placement.parent, placement.child) == edge
 

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 
 from msgspec.structs import replace
 
+from lab3_usd.check.lab_topics import once_there
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.poses import units_of
@@ -34,6 +35,7 @@ from lab3_usd.facts.sensor_values import SensorValues, entries, values_of
 from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import numbers
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import ScanSpec, SensorSpec
@@ -186,6 +188,7 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     handout = subject.lab.scene.forbidden.lidar.handout
     right = ", ".join(sensor.prim.path for sensor in sensors)
     for prim in second_lidars(subject):
+        below = (n.path for n in subject.stage.nodes() if is_at_or_below(n.path, prim.path))
         yield Problem(
             prim.path,
             f"{prim.path} is a second lidar beside {right}",
@@ -194,6 +197,7 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
             related=tuple(sensor.place.path for sensor in sensors),
             fix=(RemovePrim(prim.path),),
             unmet=tuple(f"{sensor.group}/only" for sensor in sensors),
+            covers=tuple(dict.fromkeys(map(once_there, below))),
         )
 
 
@@ -268,7 +272,7 @@ def _blind_ranges(lidar: PresentSensor, scan: ScanSpec, subject: StageSubject) -
     near, far = (
         values_of(prim, subject.platform, subject.stage).number(name) for name in scan.ranges
     )
-    is_range = near is None or far is None or 0 <= near < far  # else it is reported as no range
+    is_range = near is None or far is None or 0 <= near < far
     robot = subject.lab.scene.robot_of(prim.path)
     beside = "" if robot is None else robot.path
     is_known = at is not None and is_range

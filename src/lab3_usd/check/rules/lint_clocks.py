@@ -291,14 +291,14 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
         for node in subject.live.values()
         if node.type is not None and node.type.message.get("") == CLOCK
     ]
-    # A script or a node of an unknown type may send it; of one that never runs other rules speak.
+    # A script or a node of an unknown type that runs may send it.
     is_known = not subject.stage.scripts and not any(
         node.type is None
         and subject.runs(path)
         and node.type_name not in subject.platform.deprecated
         for path, node in subject.live.items()
     )
-    # Of a graph that is only an over, which may hold the clock, K02 speaks.
+    # A graph that is only an over may hold the clock.
     absent = (prim.path.rpartition("/")[0] for prim in subject.stage.absent)
     off = (graph.path for graph in subject.graphs() if not graph.active)
     overs = tuple((path, None) for path in dict.fromkeys((*off, *absent)))

@@ -165,7 +165,7 @@ def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
     judged: set[str] = set()
     for command in commands(subject.stage, subject.platform):
         if controller_of(command, subject.stage, subject.platform) is not None:
-            continue  # speeds of wheels, which are no positions: another rule speaks of that
+            continue  # speeds of wheels, which are no positions
         kinds: tuple[JointCommand, ...] = ("position", "effort")
         for kind in kinds:
             for joint in _joints_moved_by(kind, command, subject):

@@ -48,7 +48,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
         is_there = subject.stage.prim(command.robot) is not None
         is_by_path = command.port == command.ports.path
         if not command.robot or not (is_there or is_by_path):
-            continue  # of a target that is not there another rule speaks
+            continue
         if not all(is_empty(root, subject.stage) for root in command.roots):
             continue
         what = "there is no articulation root at or below it"

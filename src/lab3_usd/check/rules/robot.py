@@ -236,10 +236,8 @@ _SAME_SIZE = 0.02  # by how much the radii of two wheels may differ
 
 
 def _wheels_of_two_sizes(subject: RobotSubject) -> Iterator[Problem]:
-    """Say that a wheel is smaller than another; of a scaled one another rule speaks."""
+    """Say that a wheel is smaller than another."""
     wheels = [(prim, spec) for prim, spec in _links(subject) if spec.collision]
-    if any(is_scaled(prim, subject.lab.scene.tolerance.scale) for prim, _ in wheels):
-        return
     sizes = {
         prim: (disc.radius, spec)
         for prim, spec in wheels
@@ -257,7 +255,10 @@ def _wheels_of_two_sizes(subject: RobotSubject) -> Iterator[Problem]:
                 f"{radius:.4g}",
                 spec.handout,
                 unmet=(_asked(subject, "collision", prim),),
-                assumes=tuple((f"{link.path}/", name) for link in (prim, other) for name in SHAPE),
+                assumes=(
+                    *((link.path, pose_property(link, "scale")) for link in (prim, other)),
+                    *((f"{link.path}/", name) for link in (prim, other) for name in SHAPE),
+                ),
                 rests_on=subject.stage.unknown_below(prim.path),
             )
 

@@ -306,7 +306,7 @@ def _link_places(subject: RobotSubject, link: Prim) -> Iterator[_LinkPlace]:
     root, base = subject.stage.prim(robot.path), robot.links.get(robot.base_frame)
     is_first = subject.checkpoint.id == subject.lab.first
     seen = root and root.world and link.world and relative_transform(link.world, root.world)
-    if is_first and seen and not link.placeless:  # else it is no body, of which S05 speaks
+    if is_first and seen and not link.placeless:  # else it is no body
         hint = f"in the Property panel of {link.name}, set Translate to"
         translate = pose_property(link, "translate")
         at, unknown = decompose(seen), subject.stage.unknown_pose(link)
@@ -321,7 +321,6 @@ def _link_places(subject: RobotSubject, link: Prim) -> Iterator[_LinkPlace]:
         side = 1 - bodies(joint).index(link.path)
         hint = f"restore the local positions of {joint.name}, so that it holds {link.name} at"
         at = decompose(rest)
-        # Of a link that is tilted S12 speaks.
         is_level = angle_between(at.rotation[2], UP) <= subject.lab.scene.tolerance.axle_angle
         turn = rotation_difference(at.rotation, AXES) if is_level else 0.0
         how = "is held" if link.path in rest_frames(subject) else "would be held"

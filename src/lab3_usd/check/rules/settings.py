@@ -12,7 +12,6 @@ from lab3_usd.check.match.conformance import (
     Found,
     setting_matches,
     settings_of,
-    wrong_product,
 )
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.message_suffixes import with_setting
@@ -265,8 +264,16 @@ def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
     for node, spec, name, prims in _aimed(subject):
         message = f"{name} names {format_paths(prims)}, the handout leaves it empty"
         expected, actual = format_paths(()), format_paths(prims)
-        fix = edits_at(subject, f"{node.path}.{name}")
-        yield Problem(node.path, message, name, expected, actual, spec.handout, fix=fix)
+        yield Problem(
+            node.path,
+            message,
+            name,
+            expected,
+            actual,
+            spec.handout,
+            fix=edits_at(subject, f"{node.path}.{name}"),
+            assumes=((node.path, name),),
+        )
 
 
 def _aimed(
@@ -280,9 +287,7 @@ def _aimed(
     for node, spec in subject.matched:
         for port in subject.spec.free_targets[spec.role]:
             prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
-            wrong = wrong_product(node, spec, subject.stage.products)  # R04 reports it
-            is_reported = wrong is not None and wrong[0] == port.name
-            if prims and not is_reported and not _lacks_source(subject, spec):
+            if prims and not _lacks_source(subject, spec):
                 yield node, spec, port.name, prims
 
 

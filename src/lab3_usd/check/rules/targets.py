@@ -12,7 +12,6 @@ from lab3_usd.check.lab_frames import (
     frame_sources,
     lacks_only_the_camera,
     missing_frames,
-    self_parent_pairs,
 )
 from lab3_usd.check.match.conformance import (
     target_matches,
@@ -168,8 +167,7 @@ def robot_root_alone(view: TfView) -> Iterator[Problem]:
     """
     for maker in frame_sources(view):
         missing = missing_frames(maker, view)
-        is_reported = bool(self_parent_pairs(maker.node, view))
-        if missing and lacks_only_the_camera(maker, view) and not is_reported:
+        if missing and lacks_only_the_camera(maker, view):
             homes = ", ".join(maker.prims[frame] for frame in missing)
             yield Problem(
                 maker.node.path,
@@ -180,5 +178,6 @@ def robot_root_alone(view: TfView) -> Iterator[Problem]:
                 handout=maker.handout,
                 hint=f"add {homes} as a second target",
                 fix=edits_in_stage(view.subject, maker.node.path, maker.port),
+                assumes=((maker.node.path, maker.port),),
                 covers=frame_places(*missing),
             )

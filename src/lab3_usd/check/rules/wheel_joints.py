@@ -256,7 +256,7 @@ def _ties(joint: Prim, wheel: WheelJoint) -> bool:
 
 
 def _may_turn(wheel: WheelJoint, subject: RobotSubject) -> bool:
-    """Whether the wheel has its own joint, or may have it; S07 speaks of one that has none."""
+    """Whether the wheel has its own joint, or may have it."""
     if wheel.prim is None:
         return unknown_joints(subject) is not None
     return wheel.live is not None and not is_switched_off(wheel.live, JOINT_ENABLED)
@@ -296,7 +296,7 @@ def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
         axles = [axle(joint, subject) for joint in places]
-        if all(place and dot(place, wheels.axle) > 0 for place in axles):  # else S09 speaks
+        if all(place and dot(place, wheels.axle) > 0 for place in axles):
             yield from _exchanged(places, subject.robot)
         yield from _off_centre(places, subject.robot, limit * units)
         return
