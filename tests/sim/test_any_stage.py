@@ -65,6 +65,23 @@ def test_a_rover_is_judged_by_its_own_topics(tmp_path: Path) -> None:
     assert any("a ground plane is supplied" in remark for remark in found.remarks)
 
 
+def test_a_tick_with_a_frame_period_comes_less_often(tmp_path: Path) -> None:
+    stage = rover()
+    set_value(stage, "/World/Odometry/tick.node:type", "omni.graph.action.OnTick")
+    tick = stage.GetPrimAtPath("/World/Odometry/tick")
+    tick.CreateAttribute("inputs:framePeriod", Sdf.ValueTypeNames.UInt, custom=True).Set(5)
+    rates = {topic.name: topic.hz for topic in played(stage, tmp_path).topics}
+    assert (round(rates["/odom"]), round(rates["/clock"])) == (10, 60)
+
+
+def test_what_an_unknown_evaluator_does_is_not_simulated(tmp_path: Path) -> None:
+    stage = rover()
+    set_value(stage, "/World/Odometry.evaluator:type", "somebody_elses")
+    found = played(stage, tmp_path)
+    assert [unknown.prim for unknown in found.not_simulated] == ["/World/Odometry"]
+    assert bad(found) == set()
+
+
 def test_images_on_the_topic_of_the_scan_are_no_scans(tmp_path: Path) -> None:
     stage = walled_rover()
     set_value(stage, "/World/Lidar/helper.inputs:topicName", "rgb")

@@ -10,6 +10,7 @@ from lab3_usd.facts.execution_order import event_of, live_nodes, live_sources, r
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Connect, CreateNode, Edit
+from lab3_usd.model.finding import short_source
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _CONTEXT, _CONTEXT_INPUT = f"{OUTPUT}context", f"{INPUT}context"
@@ -155,6 +156,14 @@ def lost_constant(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ..
         if known.is_source and name.startswith(INPUT) and (other.path, name) not in read
     ]
     return _connect(node, port, outputs)
+
+
+def wire_hint(wire: tuple[Edit, ...]) -> str | None:
+    """Name what a likely wire comes from."""
+    sources = [source for edit in wire if isinstance(edit, Connect) for source in edit.sources]
+    if not sources:
+        return None
+    return f"drag a wire from {short_source(sources[0])}, which alone fits, to this input"
 
 
 def clock_publisher(stamped: Node, subject: LintSubject) -> tuple[Edit, ...]:

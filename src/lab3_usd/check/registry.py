@@ -104,6 +104,7 @@ MODULES = {
         "any_physics",
         "any_sensors",
         "lint_running",
+        "lint_inputs",
         "lint_pace",
         "lint_clocks",
         "lint_wires",

@@ -107,14 +107,15 @@ def states_without(
             continue
         computing.update(nodes)
         form = platform.graph.evaluation
-        if _attribute(graph, form.evaluator, platform) not in form.all_nodes:
+        evaluator = _attribute(graph, form.evaluator, platform)
+        if evaluator == platform.graph.value(form.evaluator):
             starts = _starts(graph, nodes, live, platform)
             states.update((path, s) for path, s in starts if nodes[path].type_name not in quiet)
             continue
         pace = _attribute(graph, form.stage, platform)
         is_usual = pace in (platform.graph.value(form.stage), *form.on_demand)
         # Isaac Sim should load no graph of an instance.
-        is_certain = is_usual and not graph.instanced
+        is_certain = is_usual and not graph.instanced and evaluator in form.all_nodes
         states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
     lasting, once = _followers(computing, platform)
     # A single signal never opens a gate that counts to more.

@@ -172,6 +172,8 @@ def _without_prim(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
         lacking = [need for need in unmet_needs(node, platform, live) if asked.input in need.inputs]
         if lacking:
             yield Stuck(node, f"{port} names no prim")
+        elif switched_off_target(node, stage, platform):
+            yield Stuck(node, f"{port} is {node.targets(port)[0]}, which is switched off")
         elif node.targets(port) and not _has_other(node, asked, platform, live):
             yield from _without_target(node, port, stage, platform)
             unread = refused_target(node, stage, platform)
@@ -226,6 +228,15 @@ def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:
         and (not asked.inside or is_inside)
         and (not asked.holds or is_held or is_part)
     )
+
+
+def switched_off_target(node: Node, stage: StageModel, platform: Platform) -> str:
+    """Return the path of the prim that a node is to read and that is switched off, '' for none."""
+    asked = None if node.type is None else platform.targets.get(node.type.type)
+    path = "" if asked is None else next(iter(node.targets(INPUT + asked.input)), "")
+    prim = stage.prim(path)
+    is_off = asked and asked.switch and prim and prim.attributes.get(asked.switch) is False
+    return path if is_off else ""
 
 
 def _without_context(stage: StageModel, platform: Platform) -> Iterator[Stuck]:

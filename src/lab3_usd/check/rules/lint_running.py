@@ -1,4 +1,4 @@
-"""Rules about what never computes, and nodes that compute on zeros."""
+"""Rules about what never computes."""
 
 from __future__ import annotations
 
@@ -6,10 +6,8 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.missing_wires import execution_wire, likely_wire, lost_constant
+from lab3_usd.check.missing_wires import execution_wire, wire_hint
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.arrays import array_items
-from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.changes import effect_on_run, writing_nodes
 from lab3_usd.facts.execution_order import (
     ENABLED,
@@ -17,8 +15,6 @@ from lab3_usd.facts.execution_order import (
     event_of,
     is_graph_evaluated,
     is_switched_on,
-    live_sources,
-    nodes_of,
     run_states,
     shut_gate,
     signal_inputs,
@@ -31,15 +27,10 @@ from lab3_usd.facts.stalled_nodes import (
     Stop,
     feeds,
     has_side_effects,
-    is_nothing,
-    is_wired,
     stops,
-    unmet_needs,
 )
-from lab3_usd.isaac.behaviour import Need
-from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.model.changes import Connect, Edit
-from lab3_usd.model.finding import Problem, Severity, display, short_source
+from lab3_usd.facts.stuck_nodes import switched_off_target
+from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import OVER, Node
 
@@ -104,7 +95,7 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
         property=stop.port,
         expected="a wire from an event",
         related=tuple(node.path for node in stop.waiting),
-        hint=f"switch {stop.cause} on again" if is_off else _hint_of(wire),
+        hint=f"switch {stop.cause} on again" if is_off else wire_hint(wire),
         severity="note" if is_off else None,
         fix=wire,
         rests_on=subject.stage.unknown_inputs(stop.node),
@@ -243,8 +234,8 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
     """A node of ROS or of signals is disabled.
 
     Why: with Enabled off, a helper publishes nothing, and a render product is not created, so its
-    helpers publish nothing either. A gate with a step of 0 passes no signal, and a Branch whose
-    condition stays the same signals at one output only.
+    helpers publish nothing either. A sensor that is switched off is not read. A gate with a step of
+    0 passes no signal, and a Branch whose condition stays the same signals at one output only.
 
     Fix: if this is not intended, switch Enabled on, set the step to 1 or more, or connect the
     condition to what decides.
@@ -262,6 +253,18 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
                 expected="True",
                 actual="False",
                 severity=severity,
+            )
+        sensor = switched_off_target(node, subject.stage, subject.platform)
+        asked = subject.platform.targets.get(node.type.type) if node.type and sensor else None
+        if asked is not None and subject.runs(node.path):
+            yield Problem(
+                sensor,
+                f"{asked.switch} is False, and {node.path} reads the sensor: {asked.effect}",
+                property=asked.switch,
+                expected="True",
+                actual="False",
+                related=(node.path,),
+                severity="warning",
             )
         gate = shut_gate(node, subject.live, subject.platform)
         waiting = feeds(node, subject.stage, subject.platform) if gate is not None else []
@@ -368,132 +371,3 @@ def run_ends(subject: LintSubject) -> Iterator[Problem]:
         effect = effect_on_run(node, ports, subject.live)
         if effect:
             yield Problem(node.path, f"{subject.title(node)} {effect}", actual=node.saved_type)
-
-
-@rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
-def unset_input(subject: LintSubject) -> Iterator[Problem]:
-    """A required input is neither connected nor set.
-
-    Why: an input without a wire and a value is 0 or empty. A publisher without a time stamps every
-    message with 0, a helper without a render product publishes nothing, a controller without a
-    wheel radius gives no command. A time that stays the same is no better. Isaac Sim reports
-    nothing, or logs a line each frame. In a file with graphs but neither robot nor sensor, another
-    stage may supply the prims: a warning.
-
-    Fix: connect the input to the node that computes it, or set it in the Property panel.
-
-    Example: `ros2_publish_odometry.inputs:timeStamp` without a wire.
-    """
-    needs = subject.platform.needs
-    for node in nodes_of(lambda kind: kind.type in needs, subject.stage, subject.platform):
-        if not (subject.runs(node.path) or is_wired(node, subject.stage, subject.platform)):
-            continue
-        for need in unmet_needs(node, subject.platform, subject.live):
-            may_be_filled = subject.is_module and any(
-                node.type is not None and node.type.ports[INPUT + name].is_target
-                for name in need.inputs
-                if node.has_port(INPUT + name)
-            )
-            known = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
-            names = " and ".join(f"inputs:{name}" for name in known)
-            fixed, is_zero = _fixed_input(node, known, need, subject)
-            is_unset = (
-                "are not connected and have" if len(known) > 1 else "is not connected and has"
-            )
-            wire = likely_wire(node, f"inputs:{known[0]}", subject) if len(known) == 1 else ()
-            wire = () if fixed else wire
-            yield Problem(
-                node.path,
-                (fixed or f"{names} {is_unset} no value") + (f": {need.effect}" if is_zero else ""),
-                property=f"inputs:{known[0]}",
-                expected="a wire or a value",
-                hint=_hint_of(wire),
-                fix=wire,
-                likely=True,
-                severity="warning" if need.severity == "warning" or may_be_filled else None,
-                rests_on=subject.stage.unknown_inputs(node),
-            )
-
-
-def _fixed_input(
-    node: Node, names: list[str], need: Need, subject: LintSubject
-) -> tuple[str, bool]:
-    """Say which of some inputs has a useless value, '' for none, and whether that is nothing."""
-    for port in (INPUT + name for name in names):
-        value = effective_value(node, port, subject.live)
-        is_kept = need.changing and value is not None and not is_nothing(value)
-        if value is not None and (node.sources(port) or is_kept):
-            return f"{port} is always {display(value)}", is_nothing(value)
-    return "", True
-
-
-def _hint_of(wire: tuple[Edit, ...]) -> str | None:
-    """Name what a likely wire comes from."""
-    sources = [source for edit in wire if isinstance(edit, Connect) for source in edit.sources]
-    if not sources:
-        return None
-    return f"drag a wire from {short_source(sources[0])}, which alone fits, to this input"
-
-
-@rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
-def array_gaps(subject: LintSubject) -> Iterator[Problem]:
-    """An array has an empty element, or inputs beyond its size.
-
-    Why: an element that is neither connected nor set is empty. No joint has an empty name, so the
-    controller moves nothing. Inputs beyond the size of the array are ignored.
-
-    Fix: connect the input named here, or correct the array's size in the Property panel.
-
-    Example: `joint_name_array.inputs:input0` lost its wire, while `input1` has one.
-
-    Basis: Make Array is a node of Kit, whose code is not public; its page describes one input for
-    each element. An empty joint name is rejected in `articulation.py:767`.
-    """
-    for command in commands(subject.stage, subject.platform):
-        port = command.ports.joints
-        if "" in (command.names or ()) and not command.node.sources(port):
-            yield Problem(
-                command.node.path,
-                f"{port} has an empty element, and no joint has an empty name",
-                property=port,
-                expected="names of joints",
-            )
-    for node in nodes_of(lambda kind: kind.dynamic, subject.stage, subject.platform):
-        items = array_items(node)
-        if items is None:
-            continue
-        for port in items.filled:
-            if effective_value(node, port, subject.live) == "":
-                yield Problem(
-                    node.path,
-                    f"{port} is connected to an empty text: an element of the array is empty",
-                    property=port,
-                    expected="a text",
-                    assumes=tuple(
-                        (source.path, name)
-                        for source, name in live_sources(node, port, subject.live)
-                    ),
-                )
-        if items.filled:
-            for port in items.empty:
-                wire = lost_constant(node, port, subject) if len(items.empty) == 1 else ()
-                yield Problem(
-                    node.path,
-                    f"{port} is not connected and has no value: an element of the array is empty",
-                    property=port,
-                    expected="a wire or a value",
-                    hint=_hint_of(wire),
-                    fix=wire,
-                    likely=True,
-                    rests_on=subject.stage.unknown_inputs(node),
-                )
-        for port in items.beyond:
-            yield Problem(
-                node.path,
-                f"{port} is ignored: {items.count_port} is {items.count}",
-                property=items.count_port,
-                actual=str(items.count),
-                severity="warning",
-                rests_on=subject.stage.unknown_inputs(node),
-                assumes=((node.path, items.count_port),),
-            )

@@ -174,7 +174,7 @@ def assemble_platform(folder: Path) -> Platform:
     def by_type(file: str, kind: type[_Fact]) -> dict[str, _Fact]:
         return record(read_yaml(folder / file), dict[str, kind], f"{name}/{file}")  # type: ignore[valid-type]
 
-    sensors = by_type(SENSORS, SensorOf)
+    sensors, targets = by_type(SENSORS, SensorOf), by_type(TARGETS, TargetOf)
     return Platform(
         release=BASE,
         types=types,
@@ -210,7 +210,8 @@ def assemble_platform(folder: Path) -> Platform:
         bodies=by_type(BODIES, BodyOf),
         joints=by_type(JOINTS, JointsOf),
         units=by_type(UNITS, UnitOf),
-        targets=by_type(TARGETS, TargetOf),
+        targets=targets,
+        attributes=frozenset(target.switch for target in targets.values() if target.switch),
         quantities=by_type(QUANTITIES, QuantityOf),
         application_prims=record(
             read_yaml(folder / APPLICATION), _Application, f"{name}/{APPLICATION}"

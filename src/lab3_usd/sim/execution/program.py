@@ -124,6 +124,10 @@ def _is_evaluated(graph: SceneGraph, scene: Scene, platform: Platform, program: 
         program.not_simulated[graph.path] = "Isaac Sim should load no graph of an instance"
         program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
         return False
+    if graph.evaluator not in ("execution", *PUSH):
+        program.not_simulated[graph.path] = f"what the evaluator '{graph.evaluator}' does"
+        program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
+        return False
     if graph.mode not in evaluation.by_reference:
         return True
     prims = [

@@ -40,7 +40,9 @@ def wxyz(node: NodeInstance, name: str, world: World) -> Quaternion:
 
 @computes("OnPlaybackTick", "OnTick", on=FRAME)
 def on_tick(node: NodeInstance, world: World) -> bool:
-    """Kit's playback tick: once an update while the timeline plays."""
+    """Kit's ticks: once an update while the timeline plays, or less often (OgnOnTick.html)."""
+    if world.frame % (max(node.whole("framePeriod", world), 0) + 1):
+        return False
     outputs = node.outputs
     outputs["deltaSeconds"], outputs["time"] = world.dt, world.since_play
     outputs["frame"] = float(world.frame)

@@ -14,7 +14,6 @@ from lab3_usd.sim.execution.recording import Fields, Inertia, Message
 from lab3_usd.sim.execution.world import World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 
-IMU = "IsaacImuSensor"
 _EARTH = 9.80665  # m/s2, where the scene names no gravity
 
 
@@ -27,10 +26,12 @@ def read_imu(node: NodeInstance, world: World) -> bool:
     """
     targets = node.targets("imuPrim")
     prim = world.scene.prims.get(targets[0]) if targets else None
-    body = world.machines.body_of(prim.path) if prim is not None else ""
-    if prim is None or prim.type != IMU or not body:
+    body = world.machines.body_of(prim.path.rpartition("/")[0]) if prim is not None else ""
+    is_off = prim is not None and prim.values.get("enabled") is False
+    if prim is None or not body or is_off:
         node.outputs.update(linAcc=NO_VECTOR, angVel=NO_VECTOR, orientation=(0.0, 0.0, 0.0, 1.0))
-        return node.fails("its prim is not an inertial sensor on a body", "no-inertial-sensor")
+        fault = "is switched off" if is_off else "is not below a rigid body"
+        return node.fails(f"its prim {fault}", "no-inertial-sensor")
     place, now = world.machines.place(prim.path), world.machines.place(body)
     back = place.inverse()
     before: Affine | None = node.memory.get("place")
