@@ -230,8 +230,8 @@ GRADE = ["grade", "class", "--starter", "starter.usda", "--output", "book"]
 
 @pytest.mark.parametrize(
     "words",
-    [["-m", "lab3_usd", *GRADE], ["-mlab3_usd", "check", "class/ana"]],
-    ids=["grade", "check"],
+    [["-m", "lab3_usd", *GRADE], ["-mlab3_usd", "rules"]],
+    ids=["grade", "rules"],
 )
 def test_no_module_of_the_working_directory_is_run(tmp_path: Path, words: list[str]) -> None:
     shutil.copyfile(starter(), tmp_path / "starter.usda")

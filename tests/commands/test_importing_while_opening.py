@@ -44,11 +44,6 @@ def imported(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
-def run(script: str, *arguments: object) -> subprocess.CompletedProcess[str]:
-    command = [sys.executable, "-c", script, *map(str, arguments)]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
-
-
 def test_modules_are_imported_while_a_stage_opens(
     monkeypatch: pytest.MonkeyPatch, stage: Path
 ) -> None:
@@ -95,13 +90,35 @@ def test_a_stage_that_is_open_waits_for_what_is_imported(
         assert threading.active_count() == before
 
 
-@pytest.fixture(scope="module", params=["check", "lint"])
-def by_another_thread(
-    request: pytest.FixtureRequest, tmp_path_factory: pytest.TempPathFactory
-) -> dict[str, bool]:
-    """Whether another thread imported each module that is there after a command."""
-    done = run(
-        """
+# Asks each question in a process of its own, forked where a stage can be opened and no rule is
+# imported, and prints what each printed, both its streams together, and how it ended.
+ASKED = """
+import json, os, sys, tempfile, traceback
+import click.testing
+import lab3_usd.cli, lab3_usd.stage.read.opening
+told = []
+for code, *sys.argv[1:] in json.loads(sys.argv[1]):
+    with tempfile.TemporaryFile() as file:
+        child = os.fork()
+        if not child:
+            for stream in (1, 2):
+                os.dup2(file.fileno(), stream)
+            status = 0
+            try:
+                exec(code, {"__name__": "__main__"})
+            except SystemExit as leaving:
+                status = leaving.code or 0
+            except BaseException:
+                traceback.print_exc()
+                status = 70
+            sys.stdout.flush()
+            os._exit(status)
+        status = os.waitstatus_to_exitcode(os.waitpid(child, 0)[1])
+        file.seek(0)
+        told.append((file.read().decode(), status))
+print(json.dumps(told))
+"""
+THREADS = """
 import json, sys, threading
 from click.testing import CliRunner
 from lab3_usd.cli import lab3
@@ -115,50 +132,73 @@ sys.meta_path.insert(0, Finder())
 done = CliRunner().invoke(lab3, sys.argv[1:], catch_exceptions=False)
 assert done.exit_code in {0, 1}
 print(json.dumps({name: threads.get(name, main) is not main for name in sys.modules}))
-""",
-        request.param,
-        saved(tmp_path_factory.mktemp("stage")),
-    )
-    found: dict[str, bool] = json.loads(done.stdout)
-    return found
-
-
-def test_a_command_has_its_rules_imported_by_another_thread(
-    by_another_thread: dict[str, bool],
-) -> None:
-    assert by_another_thread[RULES]
-
-
-def test_a_command_without_a_configuration_imports_no_toml(
-    by_another_thread: dict[str, bool],
-) -> None:
-    assert {"tomllib", "tomli"}.isdisjoint(by_another_thread)
-
-
-@pytest.mark.parametrize("command", ["check", "lint"])
-def test_rules_that_cannot_be_imported_are_never_a_pass(command: str, stage: Path) -> None:
-    start = (
-        f"import sys; sys.modules[{RULES!r}] = None; from lab3_usd.__main__ import start; start()"
-    )
-    done = run(start, command, stage)
-    assert done.returncode == EXIT_CRASH
-    assert RULES in done.stdout + done.stderr
-
-
-def test_what_is_imported_beside_an_opening_stage_imports_no_more_of_usd_core() -> None:
-    """Two threads that import its compiled modules could wait for each other."""
-    formats = (module_of(name) for name in FORMATS)
-    done = run(
-        """
+"""
+WITHOUT_RULES = (
+    f"import sys; sys.modules[{RULES!r}] = None; from lab3_usd.__main__ import start; start()"
+)
+BESIDE = """
 import importlib, sys
-import lab3_usd.stage.read.opening
 before = {*sys.modules}
 for name in sys.argv[1:]:
     importlib.import_module(name)
 print(sorted(name for name in {*sys.modules} - before if name.startswith("pxr")))
-""",
-        *CHECKERS,
-        *AFTER_OPENING,
-        *formats,
-    )
-    assert done.stdout.strip() == "[]", done.stderr
+"""
+JUDGED = """
+import sys
+import lab3_usd.pipeline.preloaded
+from lab3_usd.pipeline.entries import Target, JudgeSettings, judge_entry
+before = {*sys.modules}
+judge_entry(JudgeSettings(checkpoint="01"), Target(sys.argv[1]))
+print(sorted(name for name in {*sys.modules} - before if name.startswith("lab3_usd.check")))
+"""
+
+
+@pytest.fixture(scope="module")
+def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, int]]:
+    """What was printed for each question, and the exit status."""
+    path = str(saved(tmp_path_factory.mktemp("stage")))
+    formats = [module_of(name) for name in FORMATS]
+    asked = {
+        "threads of check": [THREADS, "check", path],
+        "threads of lint": [THREADS, "lint", path],
+        "check without rules": [WITHOUT_RULES, "check", path],
+        "lint without rules": [WITHOUT_RULES, "lint", path],
+        "beside": [BESIDE, *CHECKERS, *AFTER_OPENING, *formats],
+        "judged": [JUDGED, path],
+    }
+    command = [sys.executable, "-c", ASKED, json.dumps([*asked.values()])]
+    done = subprocess.run(command, capture_output=True, text=True, check=True)
+    return dict(zip(asked, json.loads(done.stdout), strict=True))
+
+
+@pytest.mark.parametrize("command", ["check", "lint"])
+def test_a_command_has_its_rules_imported_by_another_thread_and_no_toml(
+    answers: dict[str, tuple[str, int]], command: str
+) -> None:
+    """A command without a configuration reads no TOML."""
+    by_another_thread = json.loads(answers[f"threads of {command}"][0])
+    assert by_another_thread[RULES]
+    assert {"tomllib", "tomli"}.isdisjoint(by_another_thread)
+
+
+@pytest.mark.parametrize("command", ["check", "lint"])
+def test_rules_that_cannot_be_imported_are_never_a_pass(
+    answers: dict[str, tuple[str, int]], command: str
+) -> None:
+    said, status = answers[f"{command} without rules"]
+    assert status == EXIT_CRASH
+    assert RULES in said
+
+
+def test_what_is_imported_beside_an_opening_stage_imports_no_more_of_usd_core(
+    answers: dict[str, tuple[str, int]],
+) -> None:
+    """Two threads that import its compiled modules could wait for each other."""
+    said, _ = answers["beside"]
+    assert said.strip() == "[]"
+
+
+def test_a_process_imports_no_rule_anew(answers: dict[str, tuple[str, int]]) -> None:
+    """All that judges is imported once, before the processes are forked."""
+    said, _ = answers["judged"]
+    assert said.strip() == "[]"

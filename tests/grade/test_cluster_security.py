@@ -12,7 +12,7 @@ from typing import Any
 import forking
 import pytest
 from certificates import Certificates, certificates
-from clusters import cluster_of, graded_on, local_cluster, machine, scheduler
+from clusters import local_cluster, machine, scheduler
 from mini_lab import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
@@ -173,12 +173,3 @@ def test_who_reaches_a_scheduler_without_tls_is_said(
         pass
     (line,) = said
     assert line.startswith(f"{address}: has no TLS: whoever reaches it runs programs")
-
-
-def test_a_scheduler_on_this_computer_alone_needs_no_tls_and_nothing_is_said(
-    place: Path, tmp_path: Path
-) -> None:
-    said: list[str] = []
-    with cluster_of(1, tmp_path / "temporary") as cluster:
-        graded_on(cluster, place, tmp_path / "book", said.append)
-    assert said == []

@@ -152,9 +152,10 @@ def test_workers_are_waited_for_anew_each_time_that_they_go(
 
 
 class ClosedCluster(NamedTuple):
-    """A gradebook of submissions by address, and what lay in the temporary folder of its worker."""
+    """A gradebook of submissions by address, what was said of its cluster, and what lay there."""
 
     book: dict[str, bytes]
+    said: list[str]
     while_open: set[str]
     after: set[str]
 
@@ -163,13 +164,14 @@ class ClosedCluster(NamedTuple):
 def closed(place: Path, tmp_path_factory: pytest.TempPathFactory) -> ClosedCluster:
     folder = tmp_path_factory.mktemp("closed")
     temporary = folder / "temporary"
+    said: list[str] = []
     with ExitStack() as later:
         with cluster_of(0, temporary) as lone:
             judge = later.enter_context(machine(lone.scheduler_address, temporary))
-            book = graded_on(lone, place.as_uri(), folder / "book")
+            book = graded_on(lone, place.as_uri(), folder / "book", said.append)
             while_open = names_in(temporary)
         assert judge.process.wait(timeout=60) == 0
-    return ClosedCluster(book, while_open, names_in(temporary))
+    return ClosedCluster(book, said, while_open, names_in(temporary))
 
 
 def names_in(temporary: Path) -> set[str]:
@@ -183,6 +185,13 @@ def test_submissions_by_address_give_the_same_gradebook(
     closed: ClosedCluster, alone: dict[str, bytes]
 ) -> None:
     assert closed.book == alone
+
+
+@pytest.mark.filterwarnings("ignore")
+def test_a_scheduler_on_this_computer_alone_needs_no_tls_and_nothing_is_said(
+    closed: ClosedCluster,
+) -> None:
+    assert closed.said == []
 
 
 @pytest.mark.filterwarnings("ignore")

@@ -94,7 +94,12 @@ def test_python_names_no_node_type() -> None:
 
 
 # Before a set whose elements are taken stands one of these; of a dictionary, its first key tells.
-MAY_BE_TAKEN = re.compile(r"(?:\bin\s|[(*,]|[-|&^]\s)\s*\(*\{(?!\}|\*\*|\s*[\w.\"']+\s*:(?!=))")
+MAY_BE_TAKEN = re.compile(
+    r"(?:\bfor\s[^\n]*\bin\s|^\s*\)?\s*in\s|\b(?:tuple|list|join|iter|next)\(|[*,]|[-|&^]\s)"
+    r"[\s(]*\{(?!\}|\*\*|\s*[\w.\"']+\s*:(?!=))",
+    re.MULTILINE,
+)
+TEXT = re.compile(r'\bf"[^"\n]*"')  # with braces that are no sets
 
 
 def is_set(node: ast.expr) -> bool:
@@ -107,7 +112,7 @@ def is_set(node: ast.expr) -> bool:
 def ordered_sets(code: str) -> list[int]:
     """Return the lines that take the elements of a set in the order in which they come."""
     lines: list[int] = []
-    if not MAY_BE_TAKEN.search(code):
+    if not MAY_BE_TAKEN.search(TEXT.sub('""', code)):
         return lines
     for node in ast.walk(ast.parse(code)):
         taken: list[ast.expr] = []
@@ -131,10 +136,12 @@ def ordered_sets(code: str) -> list[int]:
         "[*{a}]",
         "for each in a - {b}: pass",
         "next(iter({a}), None)",
+        "for (\n    a\n) in (\n    {b}\n): pass",
+        "tuple(\n    ({a} | b)\n)",
     ],
 )
 def test_the_order_of_a_set_is_noticed(code: str) -> None:
-    assert ordered_sets(code) == [1]
+    assert len(ordered_sets(code)) == 1
 
 
 def test_nothing_depends_on_the_order_of_a_set() -> None:

@@ -17,14 +17,14 @@ def patches(path: Path) -> Iterator[str]:
     text = path.read_text(encoding="utf-8")
     if not any(f".{name}(" in text for name in PATCHES):
         return
-    tree = ast.parse(text)
+    nodes = [*ast.walk(ast.parse(text))]
     ours = {
         alias.asname or alias.name
-        for node in ast.walk(tree)
+        for node in nodes
         if isinstance(node, ast.ImportFrom) and (node.module or "").startswith("lab3_usd")
         for alias in node.names
     }
-    for node in ast.walk(tree):
+    for node in nodes:
         is_call = isinstance(node, ast.Call) and isinstance(node.func, ast.Attribute)
         if is_call and node.func.attr in PATCHES and node.args:
             target = ast.unparse(node.args[0])

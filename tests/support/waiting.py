@@ -14,7 +14,7 @@ def eventually(holds: Callable[[], object]) -> bool:
     while not holds():
         if time.monotonic() > until:
             return False
-        threading.Event().wait(0.05)
+        threading.Event().wait(0.01)
     return True
 
 
