@@ -8,7 +8,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 
 import pytest
-from any_stages import BRIEFLY, FIXED, bad, by_name, played
+from any_stages import BRIEFLY, FIXED, WHOLE, bad, by_name, played
 from breaking import correct_stage
 from foreign_robots import (
     add_api,
@@ -420,7 +420,7 @@ def test_a_robot_of_an_asset_that_is_missing_is_not_judged(tmp_path: Path) -> No
 
 def test_four_wheels_drive(tmp_path: Path) -> None:
     stage = four_wheels()
-    found = played(stage, tmp_path, drive=FIXED)
+    found = played(stage, tmp_path, drive=FIXED, longest=WHOLE)
     assert found.verdict == "ok"
     assert any("slide in a turn" in remark for remark in found.remarks)
     ahead = next(leg for leg in found.legs if leg.name == "ahead")
@@ -432,7 +432,7 @@ def test_four_wheels_drive(tmp_path: Path) -> None:
 
 
 def test_a_car_goes_along_the_arc_that_it_is_steered_to(tmp_path: Path) -> None:
-    found = played(car(), tmp_path, drive=FIXED)
+    found = played(car(), tmp_path, drive=FIXED, longest=WHOLE)
     assert (found.verdict, bad(found)) == ("ok", set())
     arc = next(leg for leg in found.legs if leg.name == "arc")
     # v tan(0.3) / 0.6 m for 4 s at 0.15 m/s
@@ -521,7 +521,7 @@ def test_a_robot_on_rollers_goes_as_far_as_the_wheels_of_its_controller(tmp_path
     radius = stage.GetAttributeAtPath("/World/Drive/holonomic.inputs:wheelRadius")
     radius.ClearConnections()
     radius.Set([0.05] * 4)
-    check = by_name(played(stage, tmp_path, drive=FIXED))["follows"]
+    check = by_name(played(stage, tmp_path, drive=FIXED, longest=WHOLE))["follows"]
     assert (check.verdict, check.kind) == ("bad", "wrong-distance")
     assert "went 0.21 m ahead" in check.message
     assert "would do 0.11 m" in check.message

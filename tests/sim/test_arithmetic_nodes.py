@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from any_stages import FIXED, bad, by_name, played
+from any_stages import FIXED, WHOLE, bad, by_name, played
 from foreign_robots import add_api, connect, revolute, rover, wheel, write_node
 from lone_nodes import node, world
 from pxr import Sdf, Usd
@@ -198,7 +198,7 @@ def test_two_commands_drive_four_wheels(tmp_path: Path) -> None:
 
 
 def test_numbers_go_through_arithmetic(tmp_path: Path) -> None:
-    found = by_name(played(halved(), tmp_path, drive=FIXED))["follows"]
+    found = by_name(played(halved(), tmp_path, drive=FIXED, longest=WHOLE))["follows"]
     assert (found.kind, found.message.startswith("commanded 92 degrees left, turned 45")) == (
         "wrong-turn",
         True,
