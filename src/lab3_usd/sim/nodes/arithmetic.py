@@ -170,6 +170,14 @@ def print_text(node: NodeInstance, world: World) -> bool:
     return node.goes_on()
 
 
+@computes("Sequence", "Multisequence")
+def sequence(node: NodeInstance, world: World) -> bool:
+    """omni-graph-action/multisequence-2.html: a signal goes on at each output in turn."""
+    del world
+    node.enabled += sorted(node.follows, key=lambda port: (len(port), port))
+    return True
+
+
 @computes("Branch")
 def branch(node: NodeInstance, world: World) -> bool:
     """omni-graph-action/branch-1.html: a signal goes on at one of two outputs."""
