@@ -148,6 +148,14 @@ def test_a_branch_goes_one_way(condition: object, way: str) -> None:
     assert branch.enabled == [way]
 
 
+@pytest.mark.parametrize("kind", ["Sequence", "Multisequence"])
+def test_a_sequence_goes_on_at_its_outputs_in_turn(kind: str) -> None:
+    sequence = node(f"omni.graph.action.{kind}")
+    sequence.follows.update({f"output{number}": [] for number in (10, 2, 0)})
+    assert sequence.compute(world())
+    assert sequence.enabled == ["output0", "output2", "output10"]
+
+
 def halved() -> Usd.Stage:
     """The rover, whose turning goes through a product with a variable of its graph."""
     stage = rover()

@@ -227,6 +227,21 @@ def test_a_fault_names_the_node_behind_it(
     assert (found["prim"], found["rule"]) == (prim, rule)
 
 
+def test_the_robot_of_the_lab_is_driven_whatever_stands_beside_it(tmp_path: Path) -> None:
+    beside: list[Step] = [
+        {"copy": [ROBOT, "/Another"]},
+        {"remove": "/Another/ROS_Drive"},
+        {"declare": ["/Another.xformOp:translate", "double3", [3.0, 2.0, 0.0]]},
+    ]
+    assert not bad(behaviour(saved(broken("02", beside), tmp_path, "Lab3_02.usda")))
+
+
+def test_a_second_lidar_is_behind_a_scan_that_comes_twice(tmp_path: Path) -> None:
+    second: Step = {"copy": [LIDAR, "/World/Example_Rotary_2D"]}
+    found = bad(behaviour(saved(broken("03", [second]), tmp_path, "Lab3_03.usda")))
+    assert found["topics"]["rule"] == "L07"
+
+
 def test_a_fault_that_another_domain_shows_names_the_node_behind_it(tmp_path: Path) -> None:
     step: Step = {"set": ["ROS_Clock/ros2_context.inputs:useDomainIDEnvVar", True]}
     found = bad(behaviour(saved(broken("01", [step]), tmp_path, "Lab3_01.usda"), drive=FIXED))[
