@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import io
 import os
 import subprocess
 import sys
+from contextlib import redirect_stdout
 from pathlib import Path
+from unittest.mock import patch
 
 from breaking import broken
 from places import REPOSITORY, TESTS
@@ -45,18 +48,37 @@ WRONG = [
 ]
 
 
+def run_here(*arguments: Path) -> bytes:
+    """Run the script in this process, whose seed is another one in each run."""
+    out = io.TextIOWrapper(io.BytesIO(), "utf-8", newline="")
+    words = ["-c", *map(str, arguments)]
+    with (
+        patch.object(sys, "argv", words),
+        patch.dict(os.environ),
+        redirect_stdout(out),
+    ):
+        exec(SCRIPT, {})  # noqa: S102 - our own
+    out.seek(0)
+    return out.buffer.read()
+
+
+def run_with_seed(seed: str, *arguments: Path) -> bytes:
+    """Run the script in a process whose hashes have this seed."""
+    modules = os.pathsep.join([str(REPOSITORY / "src"), str(TESTS / "support")])
+    env = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": modules}
+    command = [sys.executable, "-c", SCRIPT, *map(str, arguments)]
+    return subprocess.run(command, env=env, capture_output=True, check=True).stdout
+
+
 def test_no_hash_seed_changes_anything(tmp_path: Path) -> None:
     stage, given = tmp_path / "Lab3_05.usda", layered_starter(tmp_path / "given")
     broken("05", WRONG).GetRootLayer().Export(str(stage))
-    modules = os.pathsep.join([str(REPOSITORY / "src"), str(TESTS / "support")])
-    printed, written = [], []
-    for seed in ("1", "4711"):
-        out = tmp_path / "out" / seed
+    outs = [tmp_path / "out" / name for name in ("here", "there")]
+    for out in outs:
         out.mkdir(parents=True)
-        command = [sys.executable, "-c", SCRIPT, *map(str, (stage, given, out, MINI))]
-        env = {**os.environ, "PYTHONHASHSEED": seed, "PYTHONPATH": modules}
-        printed.append(subprocess.run(command, env=env, capture_output=True, check=True).stdout)
-        written.append(files_below(out))
+    here, there = ((stage, given, out, MINI) for out in outs)
+    printed = [run_here(*here), run_with_seed("4711", *there)]
+    written = [files_below(out) for out in outs]
     assert printed[0].count(b"N07") > 1
     assert printed[0].count(b"<figure") > 1
     assert len(written[0]) == 3

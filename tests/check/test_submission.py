@@ -77,6 +77,7 @@ def test_a_complete_submission_has_no_fault(folder: Path) -> None:
 
 
 def test_what_the_cases_below_judge_once_is_judged_as_ever(folder: Path) -> None:
+    leave(folder, "03", LAST)
     assert checked(folder) == check_folder(folder, FolderSettings())
     edit_stage(folder / STARTER, heavy)
     edit("03", heavy)(folder)
