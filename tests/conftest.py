@@ -90,7 +90,7 @@ def pytest_collection_finish() -> None:
 def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
     """Give the tests of a file to one worker, and those of all files with pages, or clusters.
 
-    So there is one browser, and Dask is imported once.
+    So there is one browser, Dask is imported once, and the submission that is broken is built once.
     """
     from xdist.scheduler import LoadFileScheduling
 
@@ -105,7 +105,11 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> Any:
 @cache
 def _kind_of(file: str) -> str:
     text = (REPOSITORY / file).read_text(encoding="utf-8")
-    signs = {"pages": "chromium: Browser", "clusters": "from clusters import"}
+    signs = {
+        "pages": "chromium: Browser",
+        "clusters": "from clusters import",
+        "submissions": "from submissions import",
+    }
     return next((kind for kind, sign in signs.items() if sign in text), "")
 
 

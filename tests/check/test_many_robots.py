@@ -9,7 +9,7 @@ from pxr import Sdf, Usd
 
 from lab3_usd.pipeline.lint import lint_stage
 
-SIZES = (3, 6, 9)
+SIZES = (2, 4, 6)
 
 
 def fleet(size: int, folder: Path) -> Path:

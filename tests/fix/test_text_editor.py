@@ -205,7 +205,7 @@ def test_blocks_have_their_places() -> None:
 
 # More of all these: benchmarks/bench_fix.py.
 def test_random_edits_of_random_layers_change_nothing_else(tmp_path: Path) -> None:
-    found = [fault_of(seed, tmp_path) for seed in range(0, 100, 2)]
+    found = [fault_of(seed, tmp_path) for seed in range(0, 100, 3)]
     assert [each for each in found if each] == []
 
 

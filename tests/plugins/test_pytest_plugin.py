@@ -54,8 +54,8 @@ def test_an_unmet_requirement_fails_and_says_why(pytester: pytest.Pytester, cloc
 
 
 def test_a_robot_that_is_missing_is_no_pass(pytester: pytest.Pytester, tmp_path: Path) -> None:
-    path = tmp_path / "Lab3_05_odometry_tf.usda"
-    stage = behind_a_missing_robot("05")
+    path = tmp_path / "Lab3_02_ros_drive.usda"
+    stage = behind_a_missing_robot("02")
     stage.GetRootLayer().Export(str(path))
     result = run(pytester, "--lab3", str(path))
     result.assert_outcomes(passed=len(check_stage(path).requirements), failed=1)

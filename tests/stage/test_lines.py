@@ -108,7 +108,7 @@ def test_any_mixture_of_statements_and_blanks_is_found(body: str) -> None:
     assert spots_of(text) == spots
 
 
-@settings(max_examples=8)
+@settings(max_examples=5)
 @given(prims("", "A", 2), prims("", "B", 2))
 def test_what_is_asked_for_alone_is_found_where_it_is_among_all(one: str, other: str) -> None:
     text, spots = unmarked(f"#usda 1.0\n{one}{other}")
@@ -142,7 +142,7 @@ def text_stages(tmp_path_factory: pytest.TempPathFactory) -> list[Path]:
 def test_the_places_in_built_stages_are_those_of_openusd(
     text_stages: list[Path],
 ) -> None:
-    some = [*text_stages[:6:3], *text_stages[-3:]]
+    some = [text_stages[3], *text_stages[-3:]]
     measures = [measure(file) for file in some]
     assert sum(each.paths for each in measures) > 2500
     assert {path for each in measures for path in each.wrong} == set()
