@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import atexit
 import shutil
-from collections.abc import Callable
-from functools import cache
+from collections.abc import Callable, Iterator
+from functools import cache, lru_cache
 from pathlib import Path
 from tempfile import mkdtemp
+from typing import Any
 from unittest.mock import patch
 
 from msgspec.structs import replace
@@ -16,10 +17,12 @@ from ros_outputs import good_outputs
 from splines_noted import copy_of
 
 from lab3_usd.data import data_folder
+from lab3_usd.deliverables.evidence import reader as evidence_reader
+from lab3_usd.deliverables.maps import map_subject, opens_all
 from lab3_usd.deliverables.nav2 import read_params
 from lab3_usd.deliverables.scripts import nav2_files
 from lab3_usd.model.finding import StageResult
-from lab3_usd.model.folder import Agreement, Listing, NavigationSubject
+from lab3_usd.model.folder import Agreement, Listing, MapSubject, NavigationSubject
 from lab3_usd.pipeline import deliverables as folder_checks
 from lab3_usd.pipeline import folder as pipeline_folder
 from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder, find_starters
@@ -43,7 +46,7 @@ PICTURE = b"\x89PNG\r\n\x1a\n"
 # Notes that a submission without a fault has: how map and walls agree, and stamps after Stop.
 ALWAYS = {"M09", "P09"}
 
-WALL_AGREEMENTS = folder_checks._wall_agreements
+WALL_AGREEMENTS, FACTS = folder_checks._wall_agreements, evidence_reader._facts
 
 Fault = Callable[[Path], None]
 
@@ -104,7 +107,13 @@ def checked(folder: Path, **settings: object) -> FolderResult:
             check_stage=_check_once,
             against_starter=_compare_once,
         ),
-        patch.multiple(folder_checks, _wall_agreements=_agree_once, read_params=_read_once),
+        patch.multiple(
+            folder_checks,
+            _wall_agreements=_agree_once,
+            map_subject=_map_once,
+            read_params=_read_once,
+        ),
+        patch.object(evidence_reader, "_facts", _facts_once),
     ):
         return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
 
@@ -138,6 +147,32 @@ def _agree_once(stage: Path, image: Path, facts: MapFacts, lab: Lab) -> tuple[Ag
     if not numbers or not _is_as_built(image, f"maps/{image.name}"):
         return tuple(WALL_AGREEMENTS(stage, image, facts, lab))
     return _built_agreements(numbers[0], image.name, facts)
+
+
+def _map_once(
+    path: Path | None,
+    facts: MapFacts,
+    root: Path | None = None,
+    may_open: Callable[[str], str] = opens_all,
+) -> MapSubject:
+    if path is None or root is None or may_open is not opens_all:
+        return map_subject(path, facts, root, may_open)
+    files = [f"maps/{name}" for name in (path.name, Path(facts.image).name)]
+    if path != root / files[0] or not all(_is_as_built(root / file, file) for file in files):
+        return map_subject(path, facts, root, may_open)
+    return _built_map(path.name, facts)
+
+
+def _facts_once(text: str, name: str, ros: RosSpec, *, ran: bool) -> Iterator[Any]:
+    """Yield what a text shows; whatever else is in a folder, most of its texts are the same."""
+    if ros is not LAB.ros:
+        return FACTS(text, name, ros, ran=ran)
+    return iter(_facts(text, name, ran))
+
+
+@lru_cache(maxsize=256)
+def _facts(text: str, name: str, ran: bool) -> tuple[Any, ...]:  # noqa: FBT001 - part of a key
+    return tuple(FACTS(text, name, LAB.ros, ran=ran))
 
 
 def _read_once(path: Path, ros: RosSpec, frames: FrameSpec, root: Path) -> NavigationSubject:
@@ -179,6 +214,11 @@ def _built_beside_starter(number: str) -> StageResult:
 def _built_agreements(number: str, image: str, facts: MapFacts) -> tuple[Agreement, ...]:
     stage, map_image = _template() / stage_name(number), _template() / "maps" / image
     return tuple(WALL_AGREEMENTS(stage, map_image, facts, LAB))
+
+
+@cache
+def _built_map(name: str, facts: MapFacts) -> MapSubject:
+    return map_subject(_template() / "maps" / name, facts, _template())
 
 
 @cache
