@@ -6,7 +6,7 @@ import difflib
 import os
 import shutil
 import subprocess
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
@@ -14,6 +14,7 @@ import pytest
 from breaking import Step, broken, correct_stage
 from click.testing import Result
 from invoking import invoke
+from judged_once import judged_once
 from own_rules import add_acting_rule, add_counting_rule
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
@@ -33,6 +34,12 @@ RADIUS = f"{DRIVE}/differential_controller.inputs:wheelRadius"
 WRONG_RADIUS: Step = {"set": [RADIUS, 0.033]}
 NO_TICK: Step = {"disconnect": f"{CLOCK}/ros2_publish_clock.inputs:execIn"}
 NO_CONTEXT: Step = {"remove": [f"{CLOCK}/ros2_context"]}
+
+
+@pytest.fixture(scope="module", autouse=True)
+def _judged_once() -> Iterator[None]:
+    with judged_once():
+        yield
 
 
 def written(stage: Usd.Stage, folder: Path, checkpoint: str = "02", ending: str = ".usda") -> Path:
