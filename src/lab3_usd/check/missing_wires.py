@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject
-from lab3_usd.facts.clocks import CLOCK, READER_RESET, STAMP
+from lab3_usd.facts.clocks import CLOCK
 from lab3_usd.facts.execution_order import event_of, live_nodes, live_sources, run_states
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
@@ -120,14 +120,16 @@ def likely_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...]
         for other in beside
         for source, output in live_sources(other, port, subject.live)
     }
-    if not outputs and port == STAMP:
-        outputs = {path for other in beside for path in _times(other)}
+    ros = subject.platform.ros
+    if not outputs and port == INPUT + ros.stamp:
+        reader = INPUT + ros.reader_restart
+        outputs = {path for other in beside for path in _times(other, reader)}
     return _connect(node, port, sorted(outputs))
 
 
-def _times(node: Node) -> Iterator[str]:
-    """Yield the outputs with the simulation time."""
-    if node.type is not None and READER_RESET in node.type.ports:
+def _times(node: Node, reader: str) -> Iterator[str]:
+    """Yield the outputs with the simulation time of a node with the input `reader`."""
+    if node.type is not None and reader in node.type.ports:
         for name, port in node.type.ports.items():
             if name.startswith(OUTPUT) and port.usd_type == _TIME:
                 yield f"{node.path}.{name}"
@@ -177,13 +179,14 @@ def clock_publisher(stamped: Node, subject: LintSubject) -> tuple[Edit, ...]:
     if kind is None or f"{graph}/{kind.prim_name}" in subject.live:
         return ()
     path = f"{graph}/{kind.prim_name}"
+    stamp = INPUT + subject.platform.ros.stamp
     wires: list[Edit] = []
     for port, outputs in (
         *(
             (name, [p for event in _events(stamped, subject) for p in _signals(event)])
             for name in kind.execution_inputs
         ),
-        (STAMP, _wired(stamped, STAMP, subject)),
+        (stamp, _wired(stamped, stamp, subject)),
         (_CONTEXT_INPUT, _wired(stamped, _CONTEXT_INPUT, subject)),
     ):
         if len(outputs) == 1:

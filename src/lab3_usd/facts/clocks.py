@@ -10,12 +10,10 @@ from msgspec import Struct
 from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
-STAMP = "inputs:timeStamp"
-_SYSTEM, _RESET = "inputs:useSystemTime", "inputs:resetSimulationTimeOnStop"
-READER_RESET = "inputs:resetOnStop"
 CLOCK = "rosgraph_msgs/msg/Clock"
 
 
@@ -52,30 +50,32 @@ def _stamps(stage: StageModel, platform: Platform) -> Iterator[Stamp]:
 
 def _stamp_of_helper(endpoint: Endpoint, stage: StageModel, platform: Platform) -> Stamp | None:
     """Return the clock of a node that reads the time by itself."""
-    node, live = endpoint.node, live_nodes(stage, platform)
-    if node.type is None or _SYSTEM not in node.type.ports:
+    node, live, ros = endpoint.node, live_nodes(stage, platform), platform.ros
+    system, restart = INPUT + ros.system_time, INPUT + ros.restart
+    if node.type is None or system not in node.type.ports:
         return None
     topic = str(endpoint.topic)
-    if effective_value(node, _SYSTEM, live) is True:
-        return Stamp(node, topic, _SYSTEM, "system", None, is_clock=False, domain=endpoint.domain)
-    restarts = effective_value(node, _RESET, live)
+    if effective_value(node, system, live) is True:
+        return Stamp(node, topic, system, "system", None, is_clock=False, domain=endpoint.domain)
+    restarts = effective_value(node, restart, live)
     known = restarts if isinstance(restarts, bool) else None
-    return Stamp(node, topic, _RESET, "simulation", known, is_clock=False, domain=endpoint.domain)
+    return Stamp(node, topic, restart, "simulation", known, is_clock=False, domain=endpoint.domain)
 
 
 def _stamp_by_wire(endpoint: Endpoint, stage: StageModel, platform: Platform) -> Stamp | None:
     """Return the clock of a node whose time comes over a wire."""
-    node = endpoint.node
-    sources = live_sources(node, STAMP, live_nodes(stage, platform))
+    node, stamp = endpoint.node, INPUT + platform.ros.stamp
+    sources = live_sources(node, stamp, live_nodes(stage, platform))
     if not sources:
         return None
     source, _ = sources[0]
     is_clock, topic = endpoint.type == CLOCK, str(endpoint.topic)
-    restarts = effective_value(source, READER_RESET, live_nodes(stage, platform))
+    restart = INPUT + platform.ros.reader_restart
+    restarts = effective_value(source, restart, live_nodes(stage, platform))
     if source.type is None:
-        return Stamp(node, topic, STAMP, "unknown", None, is_clock, endpoint.domain)
+        return Stamp(node, topic, stamp, "unknown", None, is_clock, endpoint.domain)
     if any("systemTime" in port for port in source.type.ports):
-        return Stamp(node, topic, STAMP, "system", None, is_clock, endpoint.domain)
+        return Stamp(node, topic, stamp, "system", None, is_clock, endpoint.domain)
     if isinstance(restarts, bool):
-        return Stamp(node, topic, STAMP, "simulation", restarts, is_clock, endpoint.domain)
-    return Stamp(node, topic, STAMP, "unknown", None, is_clock, endpoint.domain)
+        return Stamp(node, topic, stamp, "simulation", restarts, is_clock, endpoint.domain)
+    return Stamp(node, topic, stamp, "unknown", None, is_clock, endpoint.domain)

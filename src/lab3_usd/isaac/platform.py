@@ -32,13 +32,19 @@ class RosNames(Struct, frozen=True, forbid_unknown_fields=True):
 
     The input `namespace` of a node, and the attribute `namespace_attribute` of prims, go before
     topics. The input `domain` of a context names its domain; with that of `domain_by_environment`
-    the environment does. tf2 listens to the `tree_topics`, which may have several publishers.
+    the environment does. `stamp` takes the time of a message. A node that reads it by itself has
+    `system_time`, and `restart`; one that only reads simulation time has `reader_restart`. tf2
+    listens to the `tree_topics`, which may have several publishers.
     """
 
     namespace: str
     namespace_attribute: str
     domain: str
     domain_by_environment: str
+    stamp: str
+    system_time: str
+    restart: str
+    reader_restart: str
     tree_topics: tuple[str, ...]
 
 

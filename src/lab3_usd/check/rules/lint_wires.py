@@ -7,7 +7,6 @@ from collections.abc import Iterator
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import commands, leaves_joints
-from lab3_usd.facts.clocks import STAMP
 from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.facts.stalled_nodes import has_side_effects, is_nothing, needs_of
@@ -136,6 +135,7 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
     Example: `linear.y` is connected to `inputs:linearVelocity` of a Differential Controller.
     """
     known, needs = subject.platform.quantities, subject.platform.needs
+    stamp = INPUT + subject.platform.ros.stamp
     meant = nodes_of(
         lambda kind: kind.type in known or kind.type in needs, subject.stage, subject.platform
     )
@@ -143,7 +143,7 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
         for port, quantities in _quantities(node, subject).items():
             given = quantity_of(node, port, subject.stage, subject.platform)
             if given is not None and given.name not in quantities:
-                is_still = (given.name == _STEP and port == STAMP) or (
+                is_still = (given.name == _STEP and port == stamp) or (
                     given.name in _SPEEDS and _moves_nothing(node, port, subject)
                 )
                 yield Problem(
@@ -171,7 +171,8 @@ def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
         for need in needs_of(node, subject.platform, subject.live)
         for name in need.inputs
     }
-    return {**takes, STAMP: (_TIME,)} if STAMP in needed else takes
+    stamp = INPUT + subject.platform.ros.stamp
+    return {**takes, stamp: (_TIME,)} if stamp in needed else takes
 
 
 def _moves_nothing(node: Node, port: str, subject: LintSubject) -> bool:
