@@ -74,6 +74,25 @@ def test_a_tick_with_a_frame_period_comes_less_often(tmp_path: Path) -> None:
     assert (round(rates["/odom"]), round(rates["/clock"])) == (10, 60)
 
 
+def test_the_transform_of_a_base_that_is_sent_once_does_not_move(tmp_path: Path) -> None:
+    stage = rover()
+    transform = stage.GetPrimAtPath("/World/Odometry/transform")
+    transform.CreateAttribute("inputs:staticPublisher", Sdf.ValueTypeNames.Bool).Set(True)  # noqa: FBT003 - pxr takes it so
+    assert bad(played(stage, tmp_path, drive=FIXED)) == {"moving frames"}
+
+
+def test_what_runs_in_other_stages_of_the_pipeline_is_not_simulated(tmp_path: Path) -> None:
+    stage = rover()
+    set_value(stage, "/World/Odometry.pipelineStage", "pipelineStagePreRender")
+    set_value(stage, "/World/Clock.pipelineStage", "pipelineStageOnDemand")
+    write_node(stage, "/World/Clock/step", "core.OnPhysicsStep", {})
+    connect(stage, "/World/Clock", "step.step", "clock.execIn")
+    found = played(stage, tmp_path)
+    unknown = {each.prim for each in found.not_simulated}
+    assert unknown == {"/World/Odometry", "/World/Clock/tick"}
+    assert bad(found) == set()
+
+
 def test_what_an_unknown_evaluator_does_is_not_simulated(tmp_path: Path) -> None:
     stage = rover()
     set_value(stage, "/World/Odometry.evaluator:type", "somebody_elses")

@@ -18,6 +18,13 @@ from lab3_usd.sim.judge.expectations import Trial, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robots import Robot
 
+_KEPT = "_static"  # what the topic of transforms that are kept has more
+
+
+def _heard_on(message: Message) -> str:
+    """Return the topic of the moving transforms beside which tf2 hears those of a message."""
+    return message.topic.removesuffix(_KEPT) if message.static else message.topic
+
 
 def kept_transforms(messages: Sequence[Message]) -> tuple[tuple[Transform, str], ...]:
     """Return the transforms that hold throughout, with the nodes that send them."""
@@ -72,8 +79,10 @@ def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene)
     named = first.data.child if first is not None else ""
     base = named or (frame_name(scene.prims[robot.body]) if robot.body else "")
     root = first.frame if first is not None else ""
-    tf = [m for m in messages if m.type == TRANSFORMS and not m.static]
-    has_base = (m.topic for m in tf if any(child == base for _, child in m.frames))
+    tf = [m for m in messages if m.type == TRANSFORMS]
+    of_base = [m for m in tf if any(child == base for _, child in m.frames)]
+    # One that is kept for ever is heard beside the others, and never moves.
+    has_base = (_heard_on(m) for m in sorted(of_base, key=lambda m: m.static))
     topics = {message.node: message.topic for message in messages}
     wanted = replace(
         played.wanted,
@@ -86,7 +95,7 @@ def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene)
         SentTransform(*frames, m.node)
         for m in tf
         for frames in m.frames
-        if m.topic == wanted.transforms
+        if _heard_on(m) == wanted.transforms
     )
     root = root or next(reversed(heard.above(base)), base)
     below = [

@@ -124,8 +124,10 @@ def _is_evaluated(graph: SceneGraph, scene: Scene, platform: Platform, program: 
         program.not_simulated[graph.path] = "Isaac Sim should load no graph of an instance"
         program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
         return False
-    if graph.evaluator not in ("execution", *PUSH):
-        program.not_simulated[graph.path] = f"what the evaluator '{graph.evaluator}' does"
+    is_known = graph.pipeline in _STAGES.values()
+    if graph.evaluator not in ("execution", *PUSH) or not is_known:
+        what = f"evaluator {graph.evaluator}" if is_known else f"stage {graph.pipeline}"
+        program.not_simulated[graph.path] = f"what is evaluated by the {what}"
         program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
         return False
     if graph.mode not in evaluation.by_reference:
@@ -211,10 +213,15 @@ def _schedule(graph: SceneGraph, nodes: dict[str, NodeInstance], program: Progra
     if graph.evaluator in PUSH and graph.pipeline == _STAGES[FRAME]:
         program.pushed += _in_order(nodes)
     elif graph.evaluator == "execution":
+        events = {node.path: event_of(node.type) for node in nodes.values()}
+        is_evaluated = any(event and graph.pipeline == _STAGES[event] for event in events.values())
         for node in nodes.values():
-            event = event_of(node.type)
+            event = events[node.path]
             if event is not None and graph.pipeline == _STAGES[event]:
                 program.events.setdefault(event, []).append(node)
+            elif event is not None and is_evaluated:
+                program.not_simulated[node.path] = f"whether it fires in {graph.pipeline}"
+                program.unwritten[node.path] = node.type
 
 
 def type_of(node: SceneNode, platform: Platform) -> NodeType | None:
