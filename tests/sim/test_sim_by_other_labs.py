@@ -109,3 +109,9 @@ def test_a_robot_turns_about_the_point_between_its_wheels(lab: Path) -> None:
         invoke("sim", shutil.copy(stage, lab / "robot.usda"), "--format", "json").stdout
     )
     assert {check["verdict"] for check in played["checks"] if check["name"] == "follows"} == {"ok"}
+
+
+def test_the_topic_of_an_optional_checkpoint_is_asked_for_there_alone(repository: Path) -> None:
+    lab = load_lab(repository / "docs" / "examples" / "labs" / "warehouse")
+    asked = {number: expected_at(lab, point).types for number, point in lab.checkpoints.items()}
+    assert [number for number, types in asked.items() if "/r2/joint_states" in types] == ["7"]

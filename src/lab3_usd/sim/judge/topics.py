@@ -53,7 +53,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         for topic in lab.topics.values()
         if topic.since in reached
         and (topic.subscribed or topic.source is None)
-        and not topic.optional
+        and (not topic.optional or (checkpoint.optional and topic.since == checkpoint.id))
         and topic.name not in foreign
     ]
     names: dict[str, Any] = {part: _named(required, kind) for part, kind in _PARTS.items()}
