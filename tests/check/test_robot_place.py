@@ -134,6 +134,14 @@ def test_a_graph_that_is_missing_alone_is_its_own_finding() -> None:
     assert "ROS_Drive" not in only(found, "S01")
 
 
+def test_a_graph_that_alone_did_not_come_along_is_its_own_finding() -> None:
+    stage = dragged((ROBOT, DRAGGED))
+    stage.RemovePrim(f"{DRAGGED}/ROS_Drive")
+    found = judged(stage)
+    assert only(found, "G01") == "graph ROS_Drive is missing"
+    assert "ROS_Drive" not in only(found, "S01")
+
+
 def behind_an_asset(path: str, *, by_over: bool = False) -> Usd.Stage:
     """A stage whose robot is nothing but a reference that leads nowhere."""
     stage = built("05")
