@@ -21,7 +21,7 @@ CALLS = {
     "build": ["build", "--out", "built", "--only", "00"],
     "check": ["check", "work"],
     "fix": ["fix", STAGE],
-    "sim": ["sim", STAGE, "--bag", "bag", "--drive", "0.15,0,1 0,0.8,0.5"],
+    "sim": ["sim", STAGE, "--bag", "bag", "--drive", "0.15,0,0.6 0,0.8,0.3"],
     "bag": ["bag", "bag", "--checkpoint", "05"],
     "draw": ["draw", STAGE, "-o", "pictures"],
     "tf": ["tf", STAGE],

@@ -150,7 +150,7 @@ def canvas(
 
 SOME_FILES = st.lists(st.sampled_from(FILES), min_size=1, max_size=2, unique=True)
 SETTINGS = settings(
-    max_examples=60, deadline=None, suppress_health_check=[HealthCheck.too_slow]
+    max_examples=30, deadline=None, suppress_health_check=[HealthCheck.too_slow]
 )  # fmt: skip
 
 
