@@ -450,6 +450,19 @@ def test_a_name_that_the_drive_shares_with_a_renamed_joint_is_repaired_with_it_a
     assert_repaired(path, "--unsafe")
 
 
+def test_a_frame_that_fits_a_misplaced_sensor_is_repaired_with_its_place_alone(
+    tmp_path: Path,
+) -> None:
+    there = f"{ROBOT}/base_footprint/Lidar2D"
+    frame = f"{there}/ROS_Lidar2D/ros2_rtx_lidar_helper.inputs:frameId"
+    moved = {"move": [f"{ROBOT}/base_scan/Lidar2D", there]}
+    path = saved(tmp_path, moved, {"set": [frame, "base_footprint"]}, checkpoint="03")
+    before = path.read_bytes()
+    assert fix(path, "--in-place").exit_code == 1
+    assert path.read_bytes() == before
+    assert_repaired(path, "--unsafe")
+
+
 def test_a_renamed_link_that_graphs_follow_is_one_mistake_with_one_repair(tmp_path: Path) -> None:
     link = f"{ROBOT}/base_footprint"
     path = saved(tmp_path, {"move": [link, f"{ROBOT}/base"]}, checkpoint="05")

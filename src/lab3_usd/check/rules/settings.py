@@ -18,14 +18,15 @@ from lab3_usd.check.message_suffixes import with_setting
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.facts.endpoints import moving_prims
-from lab3_usd.facts.execution_order import effective_value, live_nodes
+from lab3_usd.facts.execution_order import effective_value, live_nodes, sensor_of
+from lab3_usd.facts.frame_targets import frame_name
 from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ClearValue, SetValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
 from lab3_usd.model.physics import REVOLUTE
-from lab3_usd.model.stage import Node, StageModel, once_per_stage, same_value
+from lab3_usd.model.stage import Node, once_per_stage, same_value
 from lab3_usd.spec.graph import NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -96,19 +97,25 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
         message = f"{port} is {actual}, expected {display(found.setting.value)}"
         message += with_setting(subject, found.spec.role, found.setting, found.value)
         problem = setting_problem(subject, found, message)
-        likely = _names_what_is_there(subject.stage, found)
+        likely = _names_what_is_there(subject, found)
         yield replace(problem, assumes=((node.path, port),), likely=likely)
 
 
-def _names_what_is_there(stage: StageModel, found: Found) -> bool:
-    """Whether the value names a joint of the stage, and the right one names none.
+def _names_what_is_there(subject: GraphSubject, found: Found) -> bool:
+    """Whether the value fits the stage as it is, and the right one does not yet.
 
-    The right value alone would then stop the robot: the joint gets its name back first.
+    It names a joint, or the frame of the sensor that the node reads or of its link, which stands
+    elsewhere or has another name. The right value alone would stop the robot, or put the data of
+    the sensor in the wrong place: what it names gets its name and place back first.
     """
     if not isinstance(found.value, str):
         return False
-    joints = {prim.name for prim in stage.prims.values() if prim.type == REVOLUTE and prim.present}
-    return found.value in joints and found.setting.value not in joints
+    stage, wanted = subject.stage, found.setting.value
+    names = {prim.name for prim in stage.prims.values() if prim.type == REVOLUTE and prim.present}
+    sensor = sensor_of(found.node, subject.live_nodes)
+    if sensor is not None and found.value not in names:
+        names = {frame_name(path, stage) for path in (sensor, sensor.rpartition("/")[0]) if path}
+    return found.value in names and wanted not in names
 
 
 def _is_authored(node: Node, port: str) -> bool:
