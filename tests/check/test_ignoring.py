@@ -145,6 +145,7 @@ def test_a_note_for_check_is_none_that_lint_finds_unused(tmp_path: Path) -> None
     ("comment", "why"),
     [
         ("# lab3: ignore[P02]", "there is no such finding here"),
+        ("# lab3: ignore[S01]", "there is no such finding here"),
         ("# lab3: ignore[P99]", "there is no such rule"),
         ("# lab3: ignore", "it names no rule"),
         ("# lab3: ignore[]", "it names no rule"),
