@@ -70,7 +70,9 @@ def connection(node: Node, port: str, path: str, live: Nodes) -> Connection:
     source = live.get(prim)
     if source is not None and source.type is not None and node.type is not None:
         given = _followed_type(source, source_port, live)
-        ends = _ends(source.type, source_port, node.type, port, given)
+        ends = _ends(
+            source.type, source_port, node.type, port, given, _element_type(node, port, live)
+        )
     else:
         has_source = source is not None and is_source(source, source_port)
         is_live = has_source and node.has_port(port)
@@ -85,18 +87,19 @@ def _brings_data(kind: NodeType | None, name: str) -> bool:
 
 @lru_cache(maxsize=8192)
 def _ends(
-    source: NodeType, source_port: str, target: NodeType, port: str, given: str
+    source: NodeType, source_port: str, target: NodeType, port: str, given: str, taken: str
 ) -> tuple[bool, bool, bool, bool, Kind | None, tuple[Port, Port] | None]:
     """Return what the last fields of a connection say, which the types at its ends tell.
 
-    `given` is the type that the source's output takes from its inputs, '' where its own type says
-    it or nothing does.
+    `given` is the type that the source's output takes from its inputs, `taken` that of an element
+    of the array that the target makes; '' where the types of the nodes say it or nothing does.
     """
     start, end, ports = source.port(source_port), target.port(port), None
     has_source = start is not None and may_give(start)
     is_live = has_source and end is not None
     is_known = source.is_known_port(source_port) and target.is_known_port(port)
     if is_known and start is not None and end is not None:
+        end = replace(end, ogn_type=taken) if taken else end
         ports = (replace(start, ogn_type=given) if given else start, end)
     kind: Kind | None = None
     if is_live and ports is not None:
@@ -143,6 +146,20 @@ def _array_type(
         return str(value)
     fed = _fed_type(node, f"{INPUT}{dynamic.prefix}0", live, behind)
     return f"{fed}[]" if fed else ""
+
+
+def _element_type(node: Node, port: str, live: Nodes) -> str:
+    """Return the type of an element of the array that a node makes, '' where it is not set.
+
+    Where no element has it, the type of the array is the wrong one: its other end tells that.
+    """
+    dynamic = None if node.type is None else node.type.dynamic
+    stem = "" if dynamic is None else INPUT + dynamic.prefix
+    if node.type is None or dynamic is None or not port.removeprefix(stem).isdecimal():
+        return ""
+    element = _array_type(node, node.type, dynamic, {}, _NONE).removesuffix("[]")
+    others = (name for name in node.ports if name.removeprefix(stem).isdecimal())
+    return element if element in {_fed_type(node, name, live, _NONE) for name in others} else ""
 
 
 def _fed_type(node: Node, port: str, live: Nodes, behind: frozenset[str]) -> str:

@@ -143,7 +143,7 @@ class Node(Struct, frozen=True):
         if state is None or not state.usd_type or self.type is None:
             return None
         known = self.type.ports.get(port) or self.type.port(port)
-        if known is None or known.usd_type == state.usd_type or known.is_union or known.is_target:
+        if known is None or known.usd_type == state.usd_type or known.is_union:
             return None
         return None if are_alike(state.usd_type, known.usd_type) else state.usd_type
 

@@ -170,7 +170,7 @@ def construct_array(node: NodeInstance, world: World) -> bool:
     values = [node.get(f"input{number}", world) for number in range(size)]
     texts = [isinstance(value, str) for value in values if value is not None]
     is_token = all(texts) if kind == "auto" else kind == "token[]"
-    if not is_token and any(texts):
+    if any(text != is_token for text in texts):
         node.outputs["array"] = ()
         return node.fails(f"its elements are not {kind}", "wrong-array-type")
     empty = "" if is_token else 0.0
