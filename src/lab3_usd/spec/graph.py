@@ -116,6 +116,19 @@ class GraphSpec(Struct, frozen=True, dict=True):
         return frozenset(node.type.type for node in nodes if node.type.role)
 
     @cached_property
+    def wired_inputs(self) -> frozenset[tuple[str, str]]:
+        """The inputs that wires end at, as role and port."""
+        return frozenset((wire.target.role, wire.target.port) for wire in self.wires)
+
+    @cached_property
+    def roles_by_type(self) -> Mapping[str, tuple[str, ...]]:
+        """The roles by the type of their nodes."""
+        roles: dict[str, tuple[str, ...]] = {}
+        for role, spec in self.nodes.items():
+            roles[spec.type.type] = (*roles.get(spec.type.type, ()), role)
+        return roles
+
+    @cached_property
     def free_inputs(self) -> Mapping[str, tuple[Port, ...]]:
         """By role the inputs for values, without those that a setting or a wire is asked of."""
         free: dict[str, tuple[Port, ...]] = {}

@@ -85,9 +85,16 @@ class _Work(Struct):
 def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[WireFault, ...]:
     """Return every faulty wire of a graph; `live` holds the live nodes of the stage by path."""
     work = _Work(spec, roles, live)
-    wires = [wire for wire in spec.wires if _has_both_ends(work, wire)]
-    fed = [wire for wire in wires if is_fed(*_ends(work, wire), wire, roles.equivalents)]
-    open_wires = [wire for wire in wires if wire not in fed] if len(fed) < len(wires) else []
+    wires, open_wires, shared = list[Wire](), list[Wire](), list[Wire]()
+    for wire in spec.wires:
+        source, target = roles.node_of[wire.source.role], roles.node_of[wire.target.role]
+        if source is None or target is None:
+            continue
+        wires.append(wire)
+        if not is_fed(source, target, wire, roles.equivalents):
+            open_wires.append(wire)
+        elif len(target.sources(wire.target.port)) > 1:
+            shared.append(wire)
     faults = [*_forbidden(work, wires), *_swaps(work, open_wires)]
     wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
     faults += wrong
@@ -101,7 +108,7 @@ def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[W
             known.add(wire)
             faults.append(strayed)
     faults += [_unfed(work, wire) for wire in unfed if wire not in known]
-    faults += [fault for wire in fed for fault in _seconds(work, wire)]
+    faults += [fault for wire in shared for fault in _seconds(work, wire)]
     faults += _unasked(work)
     return tuple(faults)
 
@@ -240,8 +247,6 @@ def _seconds(work: _Work, wire: Wire) -> Iterator[WireFault]:
     """Find further sources on an input that has its right one."""
     _, target = _ends(work, wire)
     port = wire.target.port
-    if len(target.sources(port)) == 1:
-        return
     accepted = _accepted(work, wire)
     # A node with the same settings may take the first one's place, not stand beside it.
     right = next(path for path in accepted if path in target.sources(port))
@@ -269,13 +274,16 @@ def _wire(work: _Work, node: Node, port: str, source: str) -> Connection:
 
 def _unasked(work: _Work) -> Iterator[WireFault]:
     """Find wires into inputs that the handout leaves alone."""
-    inputs = {(wire.target.role, wire.target.port) for wire in work.spec.wires}
+    inputs = work.spec.wired_inputs
     for role, node in work.roles.node_of.items():
         if node is None:
             continue
-        for port in sorted(port for port, state in node.ports.items() if state.sources):
-            if (role, port) in inputs or not port.startswith("inputs:"):
-                continue
+        free = [
+            name
+            for name, state in node.ports.items()
+            if state.sources and (role, name) not in inputs and name.startswith("inputs:")
+        ]
+        for port in sorted(free):
             for source in node.sources(port):
                 if (node.path, port, source) in work.taken:
                     continue

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections import Counter
 from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct, field
@@ -56,19 +55,19 @@ def assign(spec: GraphSpec, graph: GraphModel) -> Pairs:
         if node.type is not None:
             by_type.setdefault(node.type.type, []).append(node)
     nodes = {role: by_type.get(demand.type.type, []) for role, demand in spec.nodes.items()}
-    required = Counter(demand.type.type for demand in spec.nodes.values())
-    spare = {kind: count - len(by_type.get(kind, ())) for kind, count in required.items()}
-    pairs = {
-        role: next(iter(nodes[role]), None)
-        for role, demand in spec.nodes.items()
-        if required[demand.type.type] == 1 and len(nodes[role]) <= 1
-    }
+    pairs: Pairs = {}
+    spare: dict[str, int] = {}
+    for kind, roles in spec.roles_by_type.items():
+        found = by_type.get(kind, [])
+        spare[kind] = len(roles) - len(found)
+        if len(roles) == 1 and len(found) <= 1:
+            pairs[roles[0]] = found[0] if found else None
     # Roles with few candidates come first: they say most about the others.
     order = sorted(
         (role for role in spec.nodes if role not in pairs), key=lambda role: len(nodes[role])
     )
     if not order:
-        return pairs
+        return {role: pairs[role] for role in spec.nodes}
     own = {
         (role, node.path): _own_cost(spec.nodes[role], node)
         for role in order
