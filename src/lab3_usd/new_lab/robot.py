@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
-from lab3_usd.check.robot.axles import anchor, axle
+from lab3_usd.check.robot.axles import anchor, axles
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.frame_targets import articulation_links
@@ -334,11 +334,11 @@ def describe_wheels(subject: RobotSubject) -> dict[str, Any]:
     """
     wheels: list[WheelJoint] = tied_joints(subject)
     places = [place for wheel in wheels if (place := anchor(wheel, subject))]
-    axles = [direction for wheel in wheels if (direction := axle(wheel, subject))]
-    if not len(wheels) == len(places) == len(axles) == _PAIR or distance(*axles) > 1e-3:  # noqa: PLR2004
+    turns = [*axles(subject).values()]
+    if not len(wheels) == len(places) == len(turns) == _PAIR or distance(*turns) > 1e-3:  # noqa: PLR2004
         return {}
     robot = subject.robot
-    sides = [dot(axles[0], place) for place in places]
+    sides = [dot(turns[0], place) for place in places]
     centre = [(a + b) / 2 for a, b in zip(*places, strict=True)][:2]
     folder = wheels[0].site.rpartition("/")[0].removeprefix(robot.path).lstrip("/")
     return {
@@ -346,7 +346,7 @@ def describe_wheels(subject: RobotSubject) -> dict[str, Any]:
         "joints": dict(robot.wheels.joints),
         "joints_below": folder,
         "distance": round(distance(*places), 6),
-        "axle": plain(axles[0]),
+        "axle": plain(turns[0]),
         "left": wheels[sides.index(max(sides))].name,
         **({"centre": plain(centre)} if any(plain(centre)) else {}),
     }

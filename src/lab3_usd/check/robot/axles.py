@@ -12,7 +12,13 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
-from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, wheel_side
+from lab3_usd.check.robot.wheels import (
+    WheelJoint,
+    base_side,
+    ends_of,
+    tied_joints,
+    wheel_side,
+)
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import (
     AXIS,
@@ -52,7 +58,17 @@ _ALIKE = 0.02
 _FRAMES = tuple(f"physics:local{part}{side}" for part in ("Pos", "Rot") for side in (0, 1))
 
 
-def axle(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
+@once_per_stage
+def axles(subject: RobotSubject) -> dict[WheelJoint, Vector]:
+    """Map each wheel joint that is tied to the direction about which a positive velocity turns it.
+
+    The direction is that in the base's frame. Joints of which it is unknown are left out.
+    """
+    found = ((joint, _axle(joint, subject)) for joint in tied_joints(subject))
+    return {joint: direction for joint, direction in found if direction}
+
+
+def _axle(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
     """Return the direction about which a positive velocity turns the wheel, in the base's frame.
 
     The base's side of the joint is asked: how far the wheel has turned does not matter then.
@@ -256,7 +272,7 @@ def _joint_frame(joint: Prim, side: int) -> Matrix:
     """Return where the joint sits on one of its bodies."""
     x, y, z = vector(joint.attributes.get(f"physics:localPos{side}"))
     turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
-    rows = [rotate_by_quaternion(along, turn) for along in AXES]
+    rows = [rotate_by_quaternion(along, turn) for along in AXES] if any(turn[:3]) else AXES
     return (*rows[0], 0.0, *rows[1], 0.0, *rows[2], 0.0, x, y, z, 1.0)
 
 

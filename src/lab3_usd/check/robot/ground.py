@@ -31,7 +31,7 @@ from lab3_usd.model.physics import (
     vector,
 )
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import IDENTITY, Vector, angle_between, decompose, scaled
 
 _OWNER, _DISABLED = "physics:simulationOwner", "physxRigidBody:disableGravity"
@@ -190,6 +190,7 @@ def _is_on(stage: StageModel, box: Collider) -> bool:
     return prim is not None and collides(prim)
 
 
+@once_per_stage
 def highest_ground(subject: RobotSubject) -> tuple[float, str] | None:
     """Return how high the ground is below the robot, in metres, and which prim it is.
 

@@ -174,6 +174,7 @@ def _is_body(path: str, subject: RobotSubject) -> bool:
     return False
 
 
+@once_per_stage
 def turning_joints(subject: RobotSubject) -> list[WheelJoint]:
     """Return the wheel joints that can turn; the others are S07's."""
     return [
@@ -183,6 +184,7 @@ def turning_joints(subject: RobotSubject) -> list[WheelJoint]:
     ]
 
 
+@once_per_stage
 def tied_joints(subject: RobotSubject) -> list[WheelJoint]:
     """Return the wheel joints that connect what they should; the others are S08's."""
     return [joint for joint in turning_joints(subject) if not any(wrong_ends(joint, subject))]

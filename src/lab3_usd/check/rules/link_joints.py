@@ -31,9 +31,9 @@ from lab3_usd.model.physics import (
     is_switched_off,
     joints,
 )
-from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
 from lab3_usd.model.stage import UnresolvedAsset
-from lab3_usd.model.transforms import angle_between, decompose
+from lab3_usd.model.transforms import angle_between
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import LinkSpec, RobotSpec
 
@@ -227,8 +227,8 @@ def _tilted(subject: RobotSubject, link: str, handout: str) -> Iterator[Problem]
         other = ends[1 - ends.index(link)] if link in ends else ""
         if link not in rest or other not in rest:
             continue
-        tilt, below = (angle_between(decompose(rest[end]).rotation[2], UP) for end in (link, other))
-        if tilt > tolerance >= below:
+        tilt = _tilt(rest[link])
+        if tilt > tolerance >= _tilt(rest[other]):
             name = f"physics:localRot{ends.index(link)}"
             yield Problem(
                 joint.path,
@@ -242,6 +242,11 @@ def _tilted(subject: RobotSubject, link: str, handout: str) -> Iterator[Problem]
                 unmet=(joined(subject.robot, subject.robot.link_at(link)),),
             )
             return
+
+
+def _tilt(frame: Matrix) -> float:
+    """Return by how many degrees something leans whose place in the base's frame is given."""
+    return angle_between((frame[8], frame[9], frame[10]), UP)
 
 
 def _may_hold(joint: Prim) -> bool:

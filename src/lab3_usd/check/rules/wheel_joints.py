@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
-from lab3_usd.check.robot.axles import anchor, axle, own_axle
+from lab3_usd.check.robot.axles import anchor, axles, own_axle
 from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.robot.wheels import (
     WheelJoint,
@@ -295,8 +295,8 @@ def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
     apart = distance(first_place, second_place)
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
-        axles = [axle(joint, subject) for joint in places]
-        if all(place and dot(place, wheels.axle) > 0 for place in axles):
+        known = axles(subject)
+        if all(joint in known and dot(known[joint], wheels.axle) > 0 for joint in places):
             yield from _exchanged(places, subject.robot)
         yield from _off_centre(places, subject.robot, limit * units)
         return
@@ -386,12 +386,10 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
     """
     scene = subject.lab.scene
     wanted, limit = subject.robot.wheels.axle, scene.tolerance.axle_angle
-    axles = {
-        joint: direction for joint in tied_joints(subject) if (direction := axle(joint, subject))
-    }
+    known = axles(subject)
     wrong = {
         joint: direction
-        for joint, direction in axles.items()
+        for joint, direction in known.items()
         if not angle_between(direction, wanted) <= limit
     }
     back = scaled(wanted, -1.0)
@@ -399,7 +397,7 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
     for joint, direction in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
-        name = _cause(joint, list(axles))
+        name = _cause(joint, list(known))
         expected, actual = vector_text(wanted), vector_text(direction)
         turn_text = f"about {actual} of the robot, expected {expected}"
         if angle_between(direction, back) <= limit:
@@ -415,7 +413,7 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
             fix=_wheel_fix(joint, name),
             unmet=(f"{subject.robot.group}/axis/{joint.name}",),
         )
-    for joint in (joint for joint in axles if joint not in wrong):
+    for joint in (joint for joint in known if joint not in wrong):
         yield from _lying_wheel(joint, subject, section)
 
 
