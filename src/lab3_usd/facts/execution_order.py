@@ -118,14 +118,18 @@ def states_without(
         is_certain = is_usual and not graph.instanced and evaluator in form.all_nodes
         states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
     lasting, once = _followers(computing, platform)
+    unsure = {path for path, node in computing.items() if _is_unsure(node, platform)}
+    shut = {path for path in {**lasting, **once} if not _passes_on(live[path], live, platform)}
     # A single signal never opens a gate that counts to more.
     gates = [node for node in computing.values() if node.type_name in platform.gates]
     counting = {node.path for node in gates if gate_step(node, live, platform) > 1}
     once = {path: some for path, some in once.items() if path not in counting}
     for followers in (lasting, once):
-        passing = {path: some for path, some in followers.items() if path not in stuck}
+        passing = {
+            path: some for path, some in followers.items() if path not in stuck and path not in shut
+        }
         for state in _SUREST_FIRST:
-            _spread(state, states, passing, live, platform)
+            _spread(state, states, passing, unsure)
     return {path: states[path] for path in computing if path in states}
 
 
@@ -221,27 +225,29 @@ def _may_start(node: Node, nodes: Nodes, platform: Platform) -> bool:
 
 
 def _spread(
-    state: State, states: dict[str, State], followers: _Followers, live: Nodes, platform: Platform
+    state: State, states: dict[str, State], followers: _Followers, unsure: Container[str]
 ) -> None:
     """Carry a state on to all that the nodes in it trigger, unless those are surer already.
 
-    Nodes behind one that may or may not pass a signal on, may run.
+    Nodes behind one that is `unsure`, as it may or may not pass a signal on, may run.
     """
     ahead = [
         path
         for path, known in states.items()
-        if known == state or (state == "may run" and _is_unsure(live[path], platform))
+        if known == state or (state == "may run" and path in unsure)
     ]
     while ahead:
         path = ahead.pop()
-        if path not in followers:
-            continue
-        is_passing = is_switched_on(live[path], live) and not shut_gate(live[path], live, platform)
-        is_passing = is_passing and not (state == "runs" and _is_unsure(live[path], platform))
-        for follower in followers[path] if is_passing else ():
+        is_passing = state == "may run" or path not in unsure
+        for follower in followers.get(path, ()) if is_passing else ():
             if states.get(follower) not in ("runs", state):
                 states[follower] = state
                 ahead.append(follower)
+
+
+def _passes_on(node: Node, live: Nodes, platform: Platform) -> bool:
+    """Whether a node passes signals on, as far as its own values tell."""
+    return is_switched_on(node, live) and not shut_gate(node, live, platform)
 
 
 def _is_unsure(node: Node, platform: Platform) -> bool:

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from lab3_usd.facts.articulations import articulations, is_empty
-from lab3_usd.facts.domains import LAST_DOMAIN, context_inputs, domain_of, invalid_contexts
+from lab3_usd.facts.domains import LAST_DOMAIN, context_inputs, domain_of, domains, invalid_contexts
 from lab3_usd.facts.execution_order import (
     LiveNodes,
     Nodes,
@@ -243,7 +243,8 @@ def _without_context(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
     for node, port, handle in invalid_contexts(stage, platform):
         yield Stuck(node, f"{port} is {handle}, which no context has made")
     live = live_nodes(stage, platform)
-    for entry in context_inputs(stage, platform):
+    is_over = any((domain.number or 0) > LAST_DOMAIN for domain in domains(stage, platform))
+    for entry in context_inputs(stage, platform) if is_over else ():
         domain = domain_of(entry.node, live, platform)
         if (domain.number or 0) > LAST_DOMAIN:
             why = f"ROS 2 has no domain {domain.number}"

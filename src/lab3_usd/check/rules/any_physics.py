@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
@@ -33,6 +33,7 @@ from lab3_usd.model.transforms import decompose
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Checkpoint, Lab
 
+_PHYSICAL = frozenset({BODY_API, COLLISION_API, MASS_API})
 _OWNER = "physics:simulationOwner"
 _MASSES = (MASS, "physics:density", "physics:diagonalInertia")
 _ROUND = ("Sphere", "Capsule", "Cone")  # shapes of one radius in all directions
@@ -74,8 +75,9 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
     """
     stage = subject.stage
     lost: dict[tuple[str, bool], list[Prim]] = {}
-    for prim in _tied(stage.with_api(lambda api: api in {BODY_API, COLLISION_API}), stage):
-        owners = prim.relationships.get(_OWNER, ()) if prim.present else ()
+    for prim in _tied_prims(stage):
+        is_asked = prim.present and not {BODY_API, COLLISION_API}.isdisjoint(prim.apis)
+        owners = prim.relationships.get(_OWNER, ()) if is_asked else ()
         if owners and not any(_is_scene(owner, stage) for owner in owners):
             lost.setdefault((owners[0], is_body(prim)), []).append(prim)
     for (owner, are_bodies), prims in lost.items():
@@ -171,10 +173,10 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
                     expected="one body",
                     actual=", ".join(targets),
                 )
-    for prim in _tied(stage.with_api(lambda api: api in {MASS_API, BODY_API}), stage):
-        if prim.present:
+    for prim in _tied_prims(stage):
+        if prim.present and not {MASS_API, BODY_API}.isdisjoint(prim.apis):
             yield from _ignored_masses(prim, stage)
-    for shape in _tied(stage.with_api(COLLISION_API), stage):
+    for shape in _tied_prims(stage):
         scale = _uneven(shape) if collides(shape) else ""
         if scale:
             yield Problem(
@@ -224,12 +226,15 @@ def _tied_bodies(stage: StageModel) -> frozenset[str]:
     return frozenset(path for joint in joints(stage) for path in bodies(joint) if path)
 
 
-def _tied(prims: Iterable[Prim], stage: StageModel) -> Iterator[Prim]:
-    """Yield the prims that are a body that a joint ties, or belong to one."""
+@once_per_stage
+def _tied_prims(stage: StageModel) -> tuple[Prim, ...]:
+    """Return the bodies that joints tie, and the prims with shapes or masses that belong to one."""
     known, tied = rigid_bodies(stage), _tied_bodies(stage)
-    for prim in prims:
-        if next(filter(known.__contains__, upwards(prim.path)), "") in tied:
-            yield prim
+    return tuple(
+        prim
+        for prim in stage.with_api(_PHYSICAL.__contains__)
+        if next(filter(known.__contains__, upwards(prim.path)), "") in tied
+    )
 
 
 def _uneven(shape: Prim) -> str:
