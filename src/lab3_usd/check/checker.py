@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from typing import Any
 
 from msgspec import Struct, field
@@ -17,6 +17,7 @@ from lab3_usd.check.registry import Rule, import_rules, own_rules, rules_of
 from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
+    nested_nodes,
     scene_requirements,
     with_costs,
     with_named_faults,
@@ -33,7 +34,7 @@ from lab3_usd.check.robot.location import (
 from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.check.rule_runs import NOTHING, RuleResults, run_rule
 from lab3_usd.model.finding import Crash, Finding, NotJudged, Requirement
-from lab3_usd.model.stage import Node, StageModel, is_nested
+from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 
 GRAPH_FAMILIES = ("G", "N", "P", "R", "W")
@@ -74,9 +75,8 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     placed = articulated_at_roots(placed, at_root)
     subjects = tuple(_graph_subjects(placed, checkpoint, stage, live))
     run = _Run(lab, stage, _known_results(stage, lab, checkpoint))
-    for rule in rules_of("graph", *GRAPH_FAMILIES):
-        for subject in subjects:
-            run.rule(rule, subject, subject.spec.name)
+    of_graphs = [(subject, subject.spec.name) for subject in subjects]
+    run.rules(rules_of("graph", *GRAPH_FAMILIES), of_graphs)
     whole = StageSubject(
         lab=placed,
         at=checkpoint,
@@ -86,28 +86,25 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
         graphs=subjects,
     )
     of_stage = (*rules_of("stage", *STAGE_FAMILIES), *rules_of("robot", *STAGE_FAMILIES))
-    for rule in (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)):
-        run.rule(rule, whole, _STAGE)
+    of_stage = (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id))
+    run.rules(of_stage, [(whole, _STAGE)])
     if checkpoint.frames:
         before = stage.checkpoint_uses
         transforms = tf_view(whole)
         part = _STAGE if stage.checkpoint_uses == before else None
-        for rule in rules_of("frames", *STAGE_FAMILIES):
-            run.rule(rule, transforms, part)
+        run.rules(rules_of("frames", *STAGE_FAMILIES), [(transforms, part)])
     run.findings[:] = with_unmet(fold(run.findings), whole, lab)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
     requirements += scene_requirements(lab, checkpoint, run.findings)
     requirements += frame_requirements(whole)
     requirements = with_named_faults(requirements, run.findings)
     judged_stage = JudgedStage(whole, tuple(requirements), tuple(run.findings))
-    for rule in rules_of("requirements", *STAGE_FAMILIES):
-        run.rule(rule, judged_stage)
+    run.rules(rules_of("requirements", *STAGE_FAMILIES), [(judged_stage, None)])
     findings = tuple(with_named_nodes(run.findings, live))
     graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
     judged = with_other_faults(judged_stage.requirements, findings, graphs)
     known = len(run.findings)
-    for rule in own_rules().values():
-        run.rule(rule, LintSubject(stage, lab.platform))
+    run.rules(own_rules().values(), [(LintSubject(stage, lab.platform), None)])
     return Judgement(
         (*with_costs(findings, subjects, placed), *run.findings[known:]),
         with_unknown(judged, run.left_open, whole, lab),
@@ -139,12 +136,11 @@ def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterat
 def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
     """Yield the nodes of roles that are not direct children of a graph."""
     for subject in subjects:
-        for node, _ in subject.matched:
-            if is_nested(node, subject.stage):
-                yield (
-                    f"{node.path} is no direct child of its graph: whether Isaac Sim runs it is "
-                    "unknown; drag it onto the graph in the Stage panel"
-                )
+        for node in nested_nodes(subject).values():
+            yield (
+                f"{node.path} is no direct child of its graph: whether Isaac Sim runs it is "
+                "unknown; drag it onto the graph in the Stage panel"
+            )
 
 
 _STAGE = ""  # the part of a stage that most rules are about: all of it
@@ -176,17 +172,22 @@ class _Run(Struct, frozen=True):
     left_open: list[Finding] = field(default_factory=list)
     said: set[tuple[str | None, ...]] = field(default_factory=set)
 
-    def rule(self, rule: Rule, subject: Any, part: str | None = None) -> None:
-        """Run one rule and keep its findings, once where graphs built in one share a node."""
-        key = (rule.id, part)
-        results = self.known.get(key)
-        if results is None:
-            before = self.stage.checkpoint_uses
-            results = run_rule(rule, subject, self.lab)
-            if part is not None and self.stage.checkpoint_uses == before:
-                self.known[key] = results
-        if results is NOTHING:
-            return
+    def rules(self, rules: Iterable[Rule], subjects: Collection[tuple[Any, str | None]]) -> None:
+        """Run each rule over all subjects, which stand beside the part that they are about."""
+        uses = self.stage.checkpoint_uses
+        for rule in rules:
+            for subject, part in subjects:
+                results = self.known.get((rule.id, part))
+                if results is None:
+                    results = run_rule(rule, subject, self.lab)
+                    before, uses = uses, self.stage.checkpoint_uses
+                    if part is not None and uses == before:
+                        self.known[rule.id, part] = results
+                if results is not NOTHING:
+                    self._keep(results)
+
+    def _keep(self, results: RuleResults) -> None:
+        """Keep what a rule found, once where graphs built in one share a node."""
         self.crashes.extend(results.crashes)
         self.not_judged.update(dict.fromkeys(results.not_judged))
         self.left_open.extend(results.left_open)

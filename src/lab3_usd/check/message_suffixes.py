@@ -27,7 +27,7 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
     in brackets behind the title.
     """
     findings = tuple(findings)
-    if not any(finding.hint for finding in findings):
+    if not any(finding.hint and finding.prim in nodes for finding in findings):
         yield from findings
         return
     alike = Counter((_graph(path), node_title(node)) for path, node in nodes.items())

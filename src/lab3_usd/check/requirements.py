@@ -24,7 +24,7 @@ from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.facts.tree import tree
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import GraphModel, Node, is_nested, same_value
+from lab3_usd.model.stage import GraphModel, Node, is_nested, once_per_stage, same_value
 from lab3_usd.spec.graph import GraphSpec, Setting, Target, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import SCENE_GROUP
@@ -54,7 +54,7 @@ class _GraphItem(Struct, frozen=True):
 def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     """Yield every node, setting, target and wire of one graph, met or not."""
     settings = {(each.spec.role, each.setting.port): each for each in settings_of(subject)}
-    nested = {spec.role for node, spec in subject.matched if is_nested(node, subject.stage)}
+    nested = nested_nodes(subject)
     for item in _items_of(subject):
         node, expected = subject.roles.node_of[item.role], item.expected
         unmet = item.unmet
@@ -73,6 +73,13 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
         if item.role in nested:
             met = replace(met, judged=False)
         yield met if is_met else unmet
+
+
+@once_per_stage
+def nested_nodes(subject: GraphSubject) -> dict[str, Node]:
+    """Return the nodes of roles that are not direct children of a graph, by role."""
+    matched, stage = subject.matched, subject.stage
+    return {spec.role: node for node, spec in matched if is_nested(node, stage)}
 
 
 def _items_of(subject: GraphSubject) -> list[_GraphItem]:
@@ -236,8 +243,8 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
     heard = tree(view.edges)
     published = {(edge.parent, edge.child) for edge in view.edges}
     for parent, child in spec.edges:
-        is_deeper = parent in spec.deeper and parent in heard.above(child)
-        met = (parent, child) in published or is_deeper or child in waived
+        met = (parent, child) in published or child in waived
+        met = met or (parent in spec.deeper and parent in heard.above(child))
         title = f"{parent} -> {child} is published"
         yield Requirement(f"{TF}/frame/{child}", TF, "frame", title, met, spec.handout)
 

@@ -89,6 +89,11 @@ class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
         return below
 
     @cached_property
+    def frames(self) -> frozenset[str]:
+        """All frames that the transforms name."""
+        return frozenset((*self.by_parent, *self.by_child))
+
+    @cached_property
     def self_parents(self) -> tuple[_Edge, ...]:
         """The transforms of frames below themselves."""
         return tuple(edge for edge in self.edges if edge.parent == edge.child)

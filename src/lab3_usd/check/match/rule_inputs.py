@@ -197,8 +197,8 @@ class GraphSubject(Struct, frozen=True, eq=False):
     def judged_targets(self, node: Node) -> Iterator[tuple[str, str]]:
         """Yield the targets beside those that the spec asks for, where a list may have more."""
         spec = self.spec.nodes[self.roles.role_of[node.path]]
-        asked = {path for target in spec.targets for path in target.prims}
         for port in spec.frames_from:
+            asked = {path for target in spec.targets for path in target.prims}
             yield from ((port, path) for path in node.targets(port) if path not in asked)
 
     def accepts_form(self, graph: GraphModel, attribute: GraphAttribute) -> bool:

@@ -220,7 +220,9 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
     """
     for heard in subject.trees():
         tops = subject.tops(heard)
-        for edges, frames in heard.tree.parts if tops else ():
+        if not tops or heard.tree.below(*tops) >= heard.tree.frames:
+            continue
+        for edges, frames in heard.tree.parts:
             loose = [edge for edge in edges if edge.parent != edge.child]
             is_cyclic = any(edge.child in heard.tree.cycle for edge in loose)
             if loose and not is_cyclic and frames.isdisjoint(tops):

@@ -154,8 +154,8 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
     pairs of types that earlier releases saved are accepted.
     """
     for node in subject.nodes():
-        for name in node.ports:
-            declared = node.wrong_type(name)
+        for name, state in node.ports.items():
+            declared = node.wrong_type(name) if state.usd_type else None
             if declared is None or node.type is None or not subject.judges_value(node, name):
                 continue
             port = node.type.port(name)

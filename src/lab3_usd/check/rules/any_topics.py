@@ -151,12 +151,14 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
     ):
         if endpoint.type is None:
             continue
-        wanted = wanted_topic(endpoint, subject)
         key = (str(endpoint.topic), domain_name(endpoint.domain, subject))
         known = first.setdefault(key, endpoint)
-        expected = known.type if wanted is None else wanted.type
         is_twice = known.node is endpoint.node and known is not endpoint
-        if endpoint.type == expected or is_twice or plays_role(endpoint, subject):
+        if is_twice or plays_role(endpoint, subject):
+            continue
+        wanted = wanted_topic(endpoint, subject)
+        expected = known.type if wanted is None else wanted.type
+        if endpoint.type == expected:
             continue
         ends = (known, endpoint) if wanted is None else (endpoint,)
         severity = _severity(*ends, subject=subject)

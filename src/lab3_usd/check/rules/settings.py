@@ -231,8 +231,12 @@ def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
     """Yield the inputs that the handout does not set and that are away from their default."""
     for node, spec in subject.matched:
         for port in subject.spec.free_inputs[spec.role]:
+            state = node.ports.get(port.name)
+            is_left_alone = state is None or state.value is None
+            if (is_left_alone and port.former is None) or node.sources(port.name):
+                continue
             value = node.value(port.name)
-            if not node.sources(port.name) and not same_value(value, port.default):
+            if not same_value(value, port.default):
                 yield node, spec, port, value
 
 
@@ -315,11 +319,13 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `nodeNamespace` 'lab' on the clock publisher: the topic is /lab/clock.
     """
-    name = subject.lab.platform.ros.namespace
+    name = INPUT + subject.lab.platform.ros.namespace
     for node, spec in subject.matched:
         for port in subject.spec.free_inputs[spec.role]:
-            value = effective_value(node, port.name, subject.live_nodes)
-            if port.short != name or not isinstance(value, str):
+            if port.name != name:
+                continue
+            value = effective_value(node, name, subject.live_nodes)
+            if not isinstance(value, str):
                 continue
             is_moved, sources = bool(resolved_topic(value)), node.sources(port.name)
             if not (is_moved or value.isspace()):
