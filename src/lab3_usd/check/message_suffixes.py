@@ -27,10 +27,15 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
     in brackets behind the title.
     """
     findings = tuple(findings)
-    if not any(finding.hint and finding.prim in nodes for finding in findings):
+    hinted = {_graph(each.prim) for each in findings if each.hint and each.prim in nodes}
+    if not hinted:
         yield from findings
         return
-    alike = Counter((_graph(path), node_title(node)) for path, node in nodes.items())
+    alike = Counter(
+        (graph, node_title(node))
+        for path, node in nodes.items()
+        if (graph := _graph(path)) in hinted
+    )
     graphs = {_graph(path) for path in nodes}
     for finding in findings:
         node = nodes.get(finding.prim)

@@ -24,7 +24,7 @@ from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.facts.tree import tree
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import GraphModel, Node, is_nested, once_per_stage, same_value
+from lab3_usd.model.stage import GraphModel, Node, once_per_stage, same_value
 from lab3_usd.spec.graph import GraphSpec, Setting, Target, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import SCENE_GROUP
@@ -77,9 +77,13 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
 
 @once_per_stage
 def nested_nodes(subject: GraphSubject) -> dict[str, Node]:
-    """Return the nodes of roles that are not direct children of a graph, by role."""
-    matched, stage = subject.matched, subject.stage
-    return {spec.role: node for node, spec in matched if is_nested(node, stage)}
+    """Return the nodes of roles, by role, that are no direct children of a graph.
+
+    Whether Isaac Sim runs them is unknown.
+    """
+    graphs = {graph.path for graph in subject.stage.graphs}
+    matched = subject.matched
+    return {spec.role: node for node, spec in matched if node.path.rpartition("/")[0] not in graphs}
 
 
 def _items_of(subject: GraphSubject) -> list[_GraphItem]:

@@ -318,11 +318,15 @@ def signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
     """Yield the outputs that trigger this node, or may where a type is unknown."""
     for port in signal_inputs(node):
         for source, source_port in live_sources(node, port, nodes):
-            kind = source.type
-            is_known = kind is not None and kind.is_known_port(source_port)
-            known = kind.port(source_port) if kind is not None and is_known else None
-            if source_port.startswith(OUTPUT) and (known is None or known.is_execution):
+            if source_port.startswith(OUTPUT) and _may_signal(source.type, source_port):
                 yield source, source_port
+
+
+@lru_cache(maxsize=1024)
+def _may_signal(kind: NodeType | None, output: str) -> bool:
+    """Whether an output gives signals, or it is unknown what it gives."""
+    known = kind.port(output) if kind is not None and kind.is_known_port(output) else None
+    return known is None or known.is_execution
 
 
 def unchosen_output(node: Node, live: Nodes) -> str | None:

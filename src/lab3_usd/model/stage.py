@@ -465,16 +465,6 @@ def _nearest_prim(stage: StageModel, path: str) -> str:
     return path
 
 
-def is_nested(node: Node, stage: StageModel) -> bool:
-    """Whether a node is below another prim than a graph: whether Isaac Sim runs it is unknown."""
-    return node.path.rpartition("/")[0] not in _graph_paths(stage)
-
-
-@once_per_stage
-def _graph_paths(stage: StageModel) -> frozenset[str]:
-    return frozenset(graph.path for graph in stage.graphs)
-
-
 def nodes_outside_graphs(stage: StageModel) -> Iterator[Node]:
     """Yield the nodes outside every graph.
 

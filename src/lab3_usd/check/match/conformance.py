@@ -39,15 +39,13 @@ class Found(Struct, frozen=True):
 @once_per_stage
 def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
     """Return every setting of every matched node."""
-    values = (
-        (node, spec, setting, effective_value(node, setting.port, subject.live_nodes))
-        for node, spec in subject.matched
-        for setting in spec.settings
-    )
-    return tuple(
-        Found(node, spec, setting, value, setting_matches(node, setting, value))
-        for node, spec, setting, value in values
-    )
+    found: list[Found] = []
+    for node, spec in subject.matched:
+        for setting in spec.settings:
+            value = effective_value(node, setting.port, subject.live_nodes)
+            met = setting_matches(node, setting, value)
+            found.append(Found(node, spec, setting, value, met))
+    return tuple(found)
 
 
 def target_matches(node: Node, target: Target) -> bool:

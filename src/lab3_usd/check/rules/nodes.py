@@ -50,8 +50,10 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     graph = subject.roles.graph
     if graph is None:
         return
-    absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.platform)
     missing = missing_roles(subject.spec, subject.roles)
+    if not missing:
+        return
+    absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.platform)
     overs = [prim for prim in absent.values() if prim.reason == OVER]
     asset = subject.stage.unresolved_above(graph.path)
     if asset is not None and len(overs) > 1:

@@ -392,10 +392,11 @@ def _with_value(
     subject: StageSubject, ports: Sequence[str], *, value: bool
 ) -> Iterator[tuple[str, str]]:
     """Yield node and input of the lab's graphs where one of some inputs has a value."""
+    names = [f"{INPUT}{short}" for short in ports]
     for node in (node for roles in subject.roles.values() for node in roles.node_of.values()):
         if node is None or node.type is None:
             continue
-        for name in (f"{INPUT}{short}" for short in ports):
+        for name in names:
             if name in node.type.ports and node.value(name) is value:
                 yield node.path, name
 
