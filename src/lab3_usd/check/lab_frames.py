@@ -186,7 +186,7 @@ def _is_as_meant(edge: Edge, view: TfView) -> bool:
         return edge.target is None and edge.cause not in view.role_specs
     if edge.cause not in view.role_specs and edge.publisher not in view.role_specs:
         return True
-    return not is_altered_by_wires(edge, view) and not differs_from_spec(edge.cause, view)
+    return not is_altered_by_wires(edge, view) and not differs_from_spec(view, edge.cause)
 
 
 @once_per_stage
@@ -236,7 +236,8 @@ def _computed_by(stage: StageModel, platform: Platform, path: str) -> frozenset[
     return frozenset((pair.parent, pair.child) for pair in pairs)
 
 
-def differs_from_spec(path: str, view: TfView) -> bool:
+@once_per_stage
+def differs_from_spec(view: TfView, path: str) -> bool:
     """Whether the frame names or the parent prim of a node differ from those of its role."""
     spec, node = view.role_specs.get(path), view.live_nodes.get(path)
     if spec is None or node is None:
@@ -393,7 +394,7 @@ def waived_frames(view: TfView) -> set[str]:
     """
     waived: set[str] = set()
     for maker in frame_sources(view):
-        if not differs_from_spec(maker.node.path, view):
+        if not differs_from_spec(view, maker.node.path):
             given = (frame for frame in maker.prims if unknown_frame(frame, maker, view))
             waived.update(given)
             if lacks_only_the_camera(maker, view):
@@ -414,7 +415,7 @@ def self_target_problems(view: TfView) -> Iterator[Problem]:
     """
     judged = {path: node for path, node in view.live_nodes.items() if path in view.role_specs}
     for path, node in {**judged, **view.running}.items():
-        if not listed_targets(node) or differs_from_spec(path, view):
+        if not listed_targets(node) or differs_from_spec(view, path):
             continue
         for problem in _own_parents(node, view):
             doubtful = severity_if_uncertain(view.stage, view.platform, path)

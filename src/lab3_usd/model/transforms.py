@@ -143,9 +143,10 @@ def inverse(matrix: Matrix) -> Matrix | None:
         scaled(cross(rows[2], rows[0]), 1 / volume),
         scaled(cross(rows[0], rows[1]), 1 / volume),
     ]
-    linear = [tuple(column[row] for column in columns) for row in range(3)]
-    translation = tuple(-sum(matrix[12 + k] * linear[k][at] for k in range(3)) for at in range(3))
-    return (*linear[0], 0.0, *linear[1], 0.0, *linear[2], 0.0, *translation, 1.0)
+    first, second, third = zip(*columns, strict=True)
+    linear = (*first, 0.0, *second, 0.0, *third, 0.0)
+    moved = transform_point((matrix[12], matrix[13], matrix[14]), (*linear, 0.0, 0.0, 0.0, 1.0))
+    return (*linear, *scaled(moved, -1.0), 1.0)
 
 
 def relative_transform(matrix: Matrix, base: Matrix) -> Matrix | None:
@@ -166,8 +167,13 @@ def transform_point(point: Vector, matrix: Matrix) -> Vector:
 
 def rotate_vector(vector: Vector, rotation: Rotation) -> Vector:
     """Return where a direction goes."""
-    x, y, z = (sum(vector[k] * rotation[k][at] for k in range(3)) for at in range(3))
-    return (x, y, z)
+    x, y, z = vector
+    across, up, ahead = rotation
+    return (
+        x * across[0] + y * up[0] + z * ahead[0],
+        x * across[1] + y * up[1] + z * ahead[1],
+        x * across[2] + y * up[2] + z * ahead[2],
+    )
 
 
 def rotate_by_quaternion(vector: Vector, quaternion: tuple[float, float, float, float]) -> Vector:

@@ -208,7 +208,11 @@ class FrameSpec(Struct, frozen=True, dict=True, forbid_unknown_fields=True):
 
     def is_forbidden(self, edge: tuple[str, str]) -> bool:
         """Whether nothing may publish this transform."""
-        return any(edge == entry.edge for entry in self.forbidden_transforms)
+        return edge in self._forbidden_edges
+
+    @cached_property
+    def _forbidden_edges(self) -> frozenset[tuple[str, str]]:
+        return frozenset(entry.edge for entry in self.forbidden_transforms)
 
 
 class Lab(Struct, frozen=True, eq=False):
