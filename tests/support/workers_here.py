@@ -103,7 +103,7 @@ def _start(settings: PoolSettings, _stopped: Callable[[], bool]) -> WorkerHere:
 def _setup(settings: PoolSettings) -> GradingSetup:
     """Load what is judged with; once for equal settings with the starter of the small lab."""
     is_mini = os.environ.get(LAB_VARIABLE) == str(mini_lab.MINI)
-    if settings.starter != mini_lab.starter() or settings.assets or not is_mini:
+    if not is_mini or settings.starter != mini_lab.starter() or settings.assets:
         return worker_main.load_setup(settings)
     rubric = settings.rubric.read_bytes() if settings.rubric else b""
     key = repr(replace(settings, readable=(), jobs=1)), rubric
