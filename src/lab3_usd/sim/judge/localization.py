@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from heapq import nlargest
-from operator import itemgetter
 from typing import Any, NamedTuple
 
 from msgspec.structs import replace
@@ -23,6 +22,7 @@ _DRAWN = 1500  # points of a scan
 _CORNERS = 800  # cells that points lie in, by which a map is shifted
 _MOST_WALLS = 8000  # cells: a map with more of them is not shifted
 _TRIED = 60  # shifts that are compared
+_MANY = 4_000_000  # shifts: as many as a list may count
 _SHORT = 4  # cells: what is before a point so near is not looked at
 _BEFORE = 0.5  # the part of rays that come through walls, from which on a map is inverted
 _OF_THIS_ROOM = 0.9  # the part of a map's walls that stand in the room it is of
@@ -156,19 +156,37 @@ def _shifted(best: MapFit, scans: Rays, near: frozenset[Cell], located: Located)
     rows = [row for _, row in (*grid.walls, *points)]
     half = max(rows) - min(rows) + 1
     walls = [column * 2 * half + row for column, row in grid.walls]
-    votes: defaultdict[int, int] = defaultdict(int)  # unlike a Counter it counts without Python
-    for (right, up), count in corners:
-        end = right * 2 * half + up
+    ends = [(right * 2 * half + up, count) for (right, up), count in corners]
+    least = min(ends)[0] - max(walls)
+    size = max(ends)[0] - min(walls) - least + 1
+    # A list counts in a fifth of the time, where there is room for every shift.
+    votes: list[int] | defaultdict[int, int] = [0] * size if size < _MANY else defaultdict(int)
+    for end, count in ends:
+        first = end - least
         for wall in walls:
-            votes[end - wall] += count
+            votes[first - wall] += count
     tried = []
-    for number, count in nlargest(_TRIED, votes.items(), itemgetter(1)):
-        column, row = divmod(number + half, 2 * half)
+    for number in _most_voted(votes, (end - least - wall for end, _ in ends for wall in walls)):
+        column, row = divmod(number + least + half, 2 * half)
         shift = (column, row - half)
-        tried.append((_met(points, near, shift), count, shift))
+        tried.append((_met(points, near, shift), votes[number], shift))
     met, _, shift = max(tried)
     (x, y), (u, v) = grid.point(0, 0), grid.point(*shift)
     return replace(best, shift=(u - x, v - y), shifted=met / max(1, best.count))
+
+
+def _most_voted(votes: list[int] | dict[int, int], cast: Iterable[int]) -> Iterable[int]:
+    """Return the shifts with the most votes; of those with equally many, those cast first."""
+    if isinstance(votes, dict):  # which is in that order
+        return nlargest(_TRIED, votes, votes.__getitem__)
+    least = nlargest(_TRIED, votes)[-1]
+    found = {number for number, count in enumerate(votes) if count > least}
+    for number in cast:
+        if len(found) >= _TRIED:
+            break
+        if votes[number] == least:
+            found.add(number)
+    return found
 
 
 def _met(points: Mapping[Cell, int], near: frozenset[Cell], shift: Cell) -> int:
