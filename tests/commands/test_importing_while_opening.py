@@ -6,8 +6,9 @@ import json
 import subprocess
 import sys
 import threading
-import time
+from collections.abc import Callable
 from pathlib import Path
+from types import SimpleNamespace
 from typing import Any
 
 import pytest
@@ -44,24 +45,35 @@ def imported(monkeypatch: pytest.MonkeyPatch) -> list[str]:
     return names
 
 
+@pytest.fixture
+def module(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Callable[[str, str], str]:
+    """Return what writes a module that can be imported, and returns its name."""
+    monkeypatch.syspath_prepend(tmp_path)
+
+    def write(name: str, text: str) -> str:
+        (tmp_path / f"{name}.py").write_text(text)
+        return name
+
+    return write
+
+
 def test_modules_are_imported_while_a_stage_opens(
-    monkeypatch: pytest.MonkeyPatch, stage: Path
+    monkeypatch: pytest.MonkeyPatch, stage: Path, module: Callable[[str, str], str]
 ) -> None:
     begun, imported = threading.Event(), threading.Event()
-
-    def load(_module: str) -> None:
-        if begun.wait(SECONDS):
-            imported.set()
+    events = SimpleNamespace(begun=lambda: begun.wait(SECONDS), imported=imported)
+    monkeypatch.setitem(sys.modules, "events_of_opening", events)
+    waits = "import events_of_opening as on\nif on.begun():\n    on.imported.set()\n"
+    name = module("waits_for_opening", waits)
 
     def open_slowly(path: Path) -> Any:
         begun.set()
         assert imported.wait(SECONDS)
         raise FileNotFoundError(path)
 
-    monkeypatch.setattr(judging.importlib, "import_module", load)
     token = opener.set(open_slowly)
     try:
-        with judging.imported_while_opening(UNKNOWN), pytest.raises(FileNotFoundError):
+        with judging.imported_while_opening(name), pytest.raises(FileNotFoundError):
             open_stage(stage)
     finally:
         opener.reset(token)
@@ -81,11 +93,11 @@ def test_a_second_stage_starts_no_second_thread(stage: Path, imported: list[str]
 
 
 def test_a_stage_that_is_open_waits_for_what_is_imported(
-    monkeypatch: pytest.MonkeyPatch, stage: Path
+    stage: Path, module: Callable[[str, str], str]
 ) -> None:
-    monkeypatch.setattr(judging.importlib, "import_module", lambda _module: time.sleep(0.2))
+    name = module("slow_to_import", "import time\ntime.sleep(0.2)\n")
     before = threading.active_count()
-    with judging.imported_while_opening(UNKNOWN):
+    with judging.imported_while_opening(name):
         open_stage(stage)
         assert threading.active_count() == before
 
