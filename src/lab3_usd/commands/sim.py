@@ -110,6 +110,8 @@ def closing_lines(lived: Lived) -> Iterator[str]:
     yield ""
     for domain, reason in lived.refused.items():
         yield f"not sent or heard: what is in domain {domain}: DDS does not start there: {reason}"
+    for prim, reason in lived.failed.items():
+        yield f"failed: {prim}: {reason}"
     for prim, reason in lived.not_simulated.items():
         yield f"not simulated: {prim}: {reason}"
     if lived.lost:

@@ -242,6 +242,7 @@ class Lived(Struct, frozen=True):
     sent: dict[tuple[str, str, int], int]
     lost: int
     refused: dict[int, str]  # domains that could not be joined
+    failed: dict[str, str]  # nodes whose last computation failed, with the reason
     not_simulated: dict[str, str]
 
 
@@ -294,6 +295,7 @@ def play_live(
         dict(sorted(link.sent.items())),
         link.lost,
         dict(sorted(link.refused.items())),
+        {node.path: node.failure.reason for node in player.program.nodes.values() if node.failure},
         unknown_in(player.world),
     )
 
