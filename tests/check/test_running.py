@@ -267,6 +267,7 @@ def test_what_is_behind_a_branch_may_run() -> None:
     platform = lint_platform(BASE)
     branch = replace(m.node(f"{PLACE}/branch", BRANCH), type=platform.types[BRANCH])
     branch = m.wired(branch, "inputs:execIn", f"{PLACE}/root.outputs:tick")
+    branch = m.wired(branch, "inputs:condition", f"{PLACE}/root.outputs:isPlaying")
     first = graph(TICK, branch)
     sender = m.wired(first.nodes[0], "inputs:execIn", f"{PLACE}/branch.outputs:execTrue")
     stage = m.only(replace(first, nodes=(sender, *first.nodes[1:])))
