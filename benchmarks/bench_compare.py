@@ -14,7 +14,7 @@ from pathlib import Path
 from statistics import median
 
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.compare.stages import compare_starter
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter

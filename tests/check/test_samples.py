@@ -10,8 +10,8 @@ from breaking import broken, correct_stage, judged, place, the_lab
 from pxr import Sdf, Ts, Usd
 
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import against_starter, open_starter
-from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.pipeline.starter_comparison import against_starter, open_starter
+from lab3_usd.stage.compare.stages import compare_starter
 from lab3_usd.stage.read import opening
 from lab3_usd.stage.read.properties import changes_after_start, hold_start_values
 from lab3_usd.stage.read.reader import read_model

@@ -15,7 +15,7 @@ from lab3_usd.check.registry import rules_of
 from lab3_usd.model.changes import KINDS, Change, Difference, Kind, Site, StarterSubject
 from lab3_usd.model.finding import Finding, Problem, StageResult
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import against_starter, open_starter
+from lab3_usd.pipeline.starter_comparison import against_starter, open_starter
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
 

@@ -23,7 +23,7 @@ from lab3_usd.commands.shared import options
 from lab3_usd.errors import Lab3Error
 from lab3_usd.files import keep_original
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import against_starter, open_starter
+from lab3_usd.pipeline.starter_comparison import against_starter, open_starter
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.starter import build_starter

@@ -27,7 +27,7 @@ from lab3_usd.grade.scoring import facts_of
 from lab3_usd.model.finding import StageResult
 from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import against_starter, open_starter
+from lab3_usd.pipeline.starter_comparison import against_starter, open_starter
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab, load_platform

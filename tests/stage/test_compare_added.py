@@ -13,7 +13,7 @@ from submissions import LAB, SPEC
 from lab3_usd.check.registry import rules_of
 from lab3_usd.model.changes import Change, StarterSubject
 from lab3_usd.model.finding import Problem
-from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.compare.stages import compare_starter
 from lab3_usd.stage.write.starter import starter_layer
 
 ROBOT = LAB.scene.robot.path

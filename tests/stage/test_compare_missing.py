@@ -24,7 +24,7 @@ from starters import layered_starter
 
 from lab3_usd.model.changes import Change
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.compare.starter import compare_starter
+from lab3_usd.stage.compare.stages import compare_starter
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import starter_layer

@@ -12,7 +12,7 @@ from pxr import Tf
 
 # What reads the stage in each command, and the exit code with which it says so.
 COMMANDS = {
-    "check --starter": ("lab3_usd.stage.compare.starter._changes", 1),
+    "check --starter": ("lab3_usd.stage.compare.stages._changes", 1),
     "check --sim": ("lab3_usd.stage.read.scene.read_scene", 1),
     "check --native": ("lab3_usd.stage.read.native.native_errors", 1),
     "lint --native": ("lab3_usd.stage.read.native.native_errors", 1),

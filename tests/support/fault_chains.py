@@ -17,7 +17,7 @@ from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.scoring import Grade, StageFacts, SubmissionFacts, facts_of, grade_facts
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import Starter, against_starter, open_starter
+from lab3_usd.pipeline.starter_comparison import Starter, against_starter, open_starter
 
 LONGEST = 4
 TRIED = 60  # mistakes for one chain

@@ -27,7 +27,7 @@ from lab3_usd.pipeline import deliverables as folder_checks
 from lab3_usd.pipeline import folder as pipeline_folder
 from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder, find_starters
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import Starter, against_starter, open_starter
+from lab3_usd.pipeline.starter_comparison import Starter, against_starter, open_starter
 from lab3_usd.spec.lab import FrameSpec, Lab
 from lab3_usd.spec.load.lab import load_ros, load_submission
 from lab3_usd.spec.load.loader import load_lab

@@ -22,7 +22,7 @@ from sabotage import Fault, graph_faults
 
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import against_starter, open_starter
+from lab3_usd.pipeline.starter_comparison import against_starter, open_starter
 from lab3_usd.sim.execution.drive import fixed_drive
 from lab3_usd.sim.execution.recording import Recording
 from lab3_usd.stage.write.starter import build_starter

@@ -31,7 +31,7 @@ from lab3_usd.grade.workers.submission_grading import GradingSetup
 from lab3_usd.model.finding import StageResult
 from lab3_usd.pipeline import folder as pipeline_folder
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import Starter, against_starter
+from lab3_usd.pipeline.starter_comparison import Starter, against_starter
 from lab3_usd.spec.lab import Lab
 
 GRADE = submission_grading.grade_staged

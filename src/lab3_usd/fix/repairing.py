@@ -24,7 +24,7 @@ from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.pipeline.lint import lint_platform
 from lab3_usd.pipeline.results import without_noted
 from lab3_usd.pipeline.stage import checkpoint_of
-from lab3_usd.pipeline.starter import open_against_starter, open_starter
+from lab3_usd.pipeline.starter_comparison import open_against_starter, open_starter
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit

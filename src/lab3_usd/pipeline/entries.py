@@ -28,7 +28,7 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
-    from lab3_usd.pipeline.starter import Starter
+    from lab3_usd.pipeline.starter_comparison import Starter
 
 
 class JudgeSettings(Struct, frozen=True):
@@ -139,7 +139,7 @@ def _with_open_starter(settings: JudgeSettings) -> JudgeSettings:
     """Open the starter once for all the stages that are compared with it."""
     if not isinstance(settings.starter, Path):
         return settings
-    from lab3_usd.pipeline.starter import open_starter
+    from lab3_usd.pipeline.starter_comparison import open_starter
 
     return replace(settings, starter=open_starter(settings.starter, load_lab()))
 
@@ -186,7 +186,7 @@ def judge_entry(settings: JudgeSettings, entry: Target) -> Results:
     with kept_open():
         result = check_stage(entry.path, checkpoint, lab)
         if settings.starter is not None:
-            from lab3_usd.pipeline.starter import Starter, against_starter
+            from lab3_usd.pipeline.starter_comparison import Starter, against_starter
 
             starter = _with_open_starter(settings).starter
             result = (

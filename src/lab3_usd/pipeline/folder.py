@@ -28,7 +28,7 @@ from lab3_usd.pipeline.deliverables import (
 )
 from lab3_usd.pipeline.results import FAILED, crashed, is_stage_file
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter import Starter, against_starter, open_starter
+from lab3_usd.pipeline.starter_comparison import Starter, against_starter, open_starter
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -285,7 +285,7 @@ def find_starters(
 
 def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
     """Yield what a starter should not contain yet, or what differs from the supplied one."""
-    from lab3_usd.stage.compare.starter import compare_starter
+    from lab3_usd.stage.compare.stages import compare_starter
     from lab3_usd.stage.read.reader import read_model
 
     model = read_model(own.stage, lab.platform, str(own.path))

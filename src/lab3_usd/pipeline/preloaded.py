@@ -9,8 +9,8 @@ import lab3_usd.check.message_suffixes
 import lab3_usd.check.own_rules
 import lab3_usd.pipeline.entries
 import lab3_usd.pipeline.folder
-import lab3_usd.pipeline.starter
-import lab3_usd.stage.compare.starter
+import lab3_usd.pipeline.starter_comparison
+import lab3_usd.stage.compare.stages
 import lab3_usd.stage.read.opening
 import lab3_usd.stage.read.reader
 import lab3_usd.stage.statements

@@ -35,7 +35,7 @@ from lab3_usd.grade.workers.messages import (
 from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.pipeline.results import UNREADABLE, with_crashes, with_findings
-from lab3_usd.pipeline.starter import Starter
+from lab3_usd.pipeline.starter_comparison import Starter
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import has_teams, team_of

@@ -48,7 +48,7 @@ from lab3_usd.grade.workers.sandbox import (
     limit_time,
 )
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
-from lab3_usd.pipeline.starter import open_starter
+from lab3_usd.pipeline.starter_comparison import open_starter
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.server_assets import assets_at
 

@@ -177,7 +177,7 @@ def _is_about(demand: Demand, what: str) -> bool:
 
 
 def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
-    from lab3_usd.stage.compare.starter import compare_starter
+    from lab3_usd.stage.compare.stages import compare_starter
     from lab3_usd.stage.read.opening import stage_errors
 
     stage, lab = beside.stage, beside.lab
