@@ -8,7 +8,7 @@ from pathlib import Path
 
 import models as m
 import pytest
-from foreign_robots import rover, write_node
+from foreign_robots import connect, rover, write_node
 from invoking import invoke
 from msgspec.structs import replace
 from pxr import Sdf, Usd
@@ -474,6 +474,27 @@ def test_a_node_of_the_stage_cannot_write_to_the_terminal() -> None:
     evil: Node = m.node("/World/ROS_Clock/any", m.PUBLISHER_TYPE, topicName="=1+\x1b[2J")
     report = TopicReport("x", endpoints(m.with_node(m.stage(), evil), m.lab().platform), ())
     assert "\x1b" not in "\n".join(as_table(report)) + as_csv(report)
+
+
+def named_by(kind: str, **ports: str) -> tuple[Endpoint, ...]:
+    """Return the topics of a robot whose clock gets its name from a node."""
+    stage = rover()
+    write_node(stage, "/World/Clock/name", kind, ports)
+    connect(stage, "/World/Clock", "name.value", "clock.topicName")
+    return endpoints(read_model(stage, m.lab().platform, "x"), m.lab().platform)
+
+
+def test_a_name_is_made_of_texts_in_their_order() -> None:
+    topics = [end.topic for end in named_by("nodes.BuildString", a="sim", b="/clock")]
+    assert "/sim/clock" in topics
+
+
+def test_a_name_that_a_wire_brings_is_unknown_and_not_invalid() -> None:
+    from lab3_usd.report.topic_table import TopicReport, as_csv
+
+    table = as_csv(TopicReport("x", named_by("core.IsaacReadEnvVar"), ()))
+    assert "? (a wire brings it)" in table
+    assert "no valid name" not in table
 
 
 def test_every_column_is_there_where_the_terminal_is_narrow() -> None:

@@ -441,7 +441,7 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
 def _text_of(node: Node, live: Nodes, depth: int) -> str | None:
     """Return the text that a node makes of its inputs, None for another node or an unknown text."""
     parts = () if node.type is None else node.type.text_of
-    is_more = any(state.sources for name, state in node.ports.items() if name not in parts)
+    is_more = any(name.startswith(INPUT) and name not in parts for name in node.ports)
     values = [effective_value(node, part, live, depth) for part in parts]
     texts = [str(value) for value in values if type(value) in (str, int)]
     return "".join(texts) if texts and len(texts) == len(parts) and not is_more else None

@@ -132,7 +132,9 @@ def as_json(report: TopicReport) -> str:
 
 def cells(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
     """Yield what each of `COLUMNS` says of an endpoint."""
-    yield printable(endpoint.topic or f"{endpoint.written!r} (no valid name)")
+    is_unknown = not endpoint.written and bool(endpoint.node.sources(endpoint.port))
+    unnamed = "? (a wire brings it)" if is_unknown else f"{endpoint.written!r} (no valid name)"
+    yield printable(endpoint.topic or unnamed)
     yield printable(endpoint.type or NOTHING)
     yield endpoint.direction
     yield printable(endpoint.node.path)
