@@ -61,7 +61,7 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
                 node.path,
                 (fixed or f"{names} {is_unset} no value") + (f": {need.effect}" if is_zero else ""),
                 property=f"inputs:{known[0]}",
-                expected="a wire or a value",
+                expected=_wanted(need) if fixed else "a wire or a value",
                 hint=wire_hint(wire),
                 fix=wire,
                 likely=True,
@@ -80,6 +80,11 @@ def _fixed_input(
         if value is not None and (node.sources(port) or is_kept):
             return f"{port} is always {display(value)}", is_nothing(value)
     return "", True
+
+
+def _wanted(need: Need) -> str:
+    """Say what an input should get that has a useless value."""
+    return "a value that changes" if need.changing else "another value"
 
 
 @rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")

@@ -283,14 +283,17 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
 
 def _never_chosen(node: Node, subject: LintSubject) -> Iterator[Problem]:
     """Yield that a node never signals at an output for which others wait."""
-    choice, closed = node.type and node.type.choice, unchosen_output(node, subject.live)
+    choice = None if node.type is None else node.type.choice
+    closed = unchosen_output(node, subject.live)
+    if choice is None or closed is None or not subject.runs(node.path):
+        return
     waiting = [
         target
         for target in feeds(node, subject.stage, subject.platform)
         if any(f"{node.path}.{closed}" in state.sources for state in target.ports.values())
         and not subject.runs(target.path)
     ]
-    if choice and waiting and subject.runs(node.path):
+    if waiting:
         chosen = str(closed == choice.outputs[0])
         yield Problem(
             node.path,
