@@ -10,6 +10,7 @@ import gc
 import os
 import shutil
 import signal
+import sys
 import tempfile
 from collections.abc import Generator, Iterator
 from functools import cache
@@ -28,7 +29,7 @@ MEMORY = Path("/dev/shm")  # noqa: S108 - a file system, not a file in it
 ROOM = 4_000_000_000  # bytes, many times what the tests leave there at any time
 
 
-def pytest_configure() -> None:
+def pytest_configure(config: pytest.Config) -> None:
     """Time no example, and let Ctrl-C end what tests start, which background jobs ignore.
 
     Temporary files are written into memory where there is room and programs may be run from there:
@@ -47,6 +48,11 @@ def pytest_configure() -> None:
     _draw_nothing_out_of_sources()
     if signal.getsignal(signal.SIGINT) is signal.SIG_IGN:
         signal.signal(signal.SIGINT, signal.default_int_handler)
+    worker = getattr(config, "workerinput", None)
+    if worker and not sys.dont_write_bytecode:
+        from compiled import compile_share
+
+        compile_share(config, int(worker["workerid"][2:]), worker["workercount"])
 
 
 def _draw_nothing_out_of_sources() -> None:
