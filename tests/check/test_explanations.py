@@ -83,6 +83,18 @@ def test_no_rule_is_named_for_what_no_rule_found() -> None:
     assert explained(finding("P01", ELSEWHERE)) == ""
 
 
+def test_nothing_else_explains_that_gravity_does_not_hold_the_robot() -> None:
+    heavy = replace(CHECK, kind="no-gravity")
+    assert explaining_finding(heavy, [finding("K64", NODE, "warning")]) is None
+    assert explaining_finding(heavy, [finding("S15", "/World/Clock")]) is not None
+
+
+def test_no_rule_explains_what_was_not_judged_without_a_place() -> None:
+    unjudged = replace(CHECK, verdict="not judged", prim="", kind="no-ray-returns", rests_on=())
+    assert explaining_finding(unjudged, [finding("K08", NODE, "warning")]) is None
+    assert explaining_finding(unjudged, [finding("L09", NODE)]) is not None
+
+
 def saved(stage: object, path: Path) -> Path:
     stage.GetRootLayer().Export(str(path))  # type: ignore[attr-defined]
     return path

@@ -242,8 +242,26 @@ def test_a_stamp_that_stands_still_is_wrong(tmp_path: Path) -> None:
     stamp.SetConnections(["/World/Odometry/tick.outputs:deltaSeconds"])
     check = by_name(played(stage, tmp_path))["stamps"]
     assert (check.verdict, check.kind) == ("bad", "stamp-not-advancing")
-    assert check.text == "the stamps of /odom do not advance: 0.02 s"
+    assert check.text.endswith("stamps of /odom are not later than the one before: 0.02 s")
     assert check.prim == "/World/Odometry/odometry"
+
+
+def test_odometry_that_is_computed_twice_in_an_update_has_each_stamp_twice(tmp_path: Path) -> None:
+    stage = rover()
+    write_node(stage, "/World/Odometry/again", "action.OnTick", {})
+    start = stage.GetAttributeAtPath("/World/Odometry/compute.inputs:execIn")
+    start.AddConnection("/World/Odometry/again.outputs:tick")
+    check = by_name(played(stage, tmp_path))["stamps"]
+    assert (check.verdict, check.prim) == ("bad", "/World/Odometry/odometry")
+
+
+def test_two_nodes_that_publish_one_topic_are_a_fault(tmp_path: Path) -> None:
+    stage = rover()
+    nodes = "/World/Odometry/odometry", "/World/Odometry/copy"
+    Sdf.CopySpec(stage.GetRootLayer(), nodes[0], stage.GetRootLayer(), nodes[1])
+    check = by_name(played(stage, tmp_path))["topics"]
+    assert (check.verdict, check.kind) == ("bad", "duplicate-publisher")
+    assert check.text == "2 nodes publish /odom"
 
 
 def test_stamps_may_be_those_of_another_clock(tmp_path: Path) -> None:

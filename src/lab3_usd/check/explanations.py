@@ -14,6 +14,7 @@ from lab3_usd.model.finding import SEVERITIES, Finding
 
 ONLY_IN_A_DRY_RUN = "F07"  # the rule of a fault that no other rule finds
 _MISSING_WIRE, _MISSING_NODE = "W01", "N01"  # a node takes its wires along
+_ONE_CAUSE: tuple[FaultKind, ...] = ("no-gravity",)  # which nothing else in a stage brings about
 
 # The rules that most often find what shows itself as a fault of each kind: of the lab, and of lint
 # ('' where none does). They choose among findings, and explain the faults of recordings.
@@ -84,14 +85,14 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "wrong-clock-rate": ("W01", "K10"),
     "stopped-clock": ("W01", ""),
     "wrong-stamp": ("W01", ""),
-    "stamp-not-advancing": ("W01", ""),
+    "stamp-not-advancing": ("W01", "K08"),
     # topics
     "silent-topic": ("N01", ""),
     "wrong-topic": ("P01", ""),
     "namespaced-topic": ("P06", ""),
     "wrong-domain": ("P02", ""),
     "wrong-message-type": ("Q02", ""),
-    "duplicate-publisher": ("Q01", ""),
+    "duplicate-publisher": ("Q01", "K40"),
     "extra-publisher": ("E14", ""),
     "wrong-durability": ("E07", ""),
     "unreadable-message": ("E05", ""),
@@ -157,7 +158,8 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
     Errors count before warnings, then what the check rests on before other places, then the rules
     that most often find such faults, then what is nearest to the prim at fault. Of such a rule a
     finding anywhere in the stage counts, and of every rule where nothing is known to be at fault,
-    as the node itself is missing: there such a rule comes first.
+    as the node itself is missing: there such a rule comes first. Where a check was not judged, or a
+    fault has one cause, only those rules count.
     """
     if check.kind is None:
         return None
@@ -186,11 +188,16 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
         severity = SEVERITIES.index(finding.severity)
         return not check.prim and is_unusual, severity, away == far, is_unusual, away
 
+    is_elsewhere = not check.prim and check.verdict == "bad"
+    is_narrow = check.kind in _ONE_CAUSE
     found = [
         finding
         for finding in findings
         if finding.severity != "note"
-        and (finding.rule in usual or not check.prim or distance(finding) < far)
+        and (
+            finding.rule in usual
+            or (not is_narrow and (is_elsewhere or (check.prim and distance(finding) < far)))
+        )
     ]
     return min(found, key=rank, default=None)
 

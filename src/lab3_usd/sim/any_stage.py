@@ -61,7 +61,7 @@ from lab3_usd.sim.timeline import record, uncollected
 CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 THROUGH = 0.02  # part of a range by which a ray may be longer
-STUCK = 0.5  # part of the stamps of a node that may be no later than the ones before
+STUCK = 0.1  # part of the stamps of a node that may be no later than the ones before
 REPEATED = 4  # times that a transform comes which is no static one
 PUBLISHING = ("publisher", "helper")
 # What a node says of commands for another robot, of the value of a moment, or of its own switch.
@@ -214,7 +214,8 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
         yield verdict("graphs", list(graphs(trial)), trial)
     if any(_publishers(trial)) or any(_closed(trial)):
-        faults = [*published(trial), *_closed(trial), *hears_itself(trial, robots)]
+        faults = [*published(trial), *repeated(trial), *_closed(trial)]
+        faults += hears_itself(trial, robots)
         faults += of_another(trial, robots)
         yield verdict("topics", faults, trial)
     if any(_stamped(trial)):
@@ -285,6 +286,19 @@ def published(trial: Trial) -> Iterator[RunFault]:
             yield RunFault(f"{path} sends nothing", kind, cause.prim, cause.reason)
 
 
+def repeated(trial: Trial) -> Iterator[RunFault]:
+    """One node sends the messages of a type that come on a topic, but transforms."""
+    senders: dict[tuple[str, str, int], dict[str, None]] = {}
+    for message in trial.recording.messages:
+        if message.type != TRANSFORMS:
+            key = (message.topic, message.type, domain_of(message, trial))
+            senders.setdefault(key, {})[message.node] = None
+    for (topic, _, _), nodes in senders.items():
+        if len(nodes) > 1:
+            text = f"{len(nodes)} nodes publish {topic}"
+            yield RunFault(text, "duplicate-publisher", [*nodes][1])
+
+
 def _closed(trial: Trial) -> Iterator[RunFault]:
     """Yield the subscribers that are never opened, or never run."""
     causes = trial.causes
@@ -301,21 +315,27 @@ def _closed(trial: Trial) -> Iterator[RunFault]:
 
 
 def _stamped(trial: Trial) -> Iterator[tuple[str, list[Message]]]:
-    """Yield the nodes whose messages have stamps, with those of the first session."""
-    sent: dict[str, list[Message]] = {}
+    """Yield the nodes whose messages have stamps, with those of a topic of the first session."""
+    sent: dict[tuple[str, str], list[Message]] = {}
     for message in trial.recording.messages:
         if not (message.session or message.static or message.type == CLOCK):
-            sent.setdefault(message.node, []).append(message)
-    yield from ((node, messages) for node, messages in sent.items() if len(messages) > 1)
+            sent.setdefault((message.node, message.topic), []).append(message)
+    yield from ((node, messages) for (node, _), messages in sent.items() if len(messages) > 1)
 
 
 def advancing(trial: Trial) -> Iterator[RunFault]:
     """Later messages of a node have later stamps; from when these count, is up to the stage."""
     for node, messages in _stamped(trial):
-        pairs = [(one, two) for one, two in pairwise(messages) if two.at > one.at]
+        # Transforms that come again are dropped by whoever hears them.
+        pairs = [
+            (one, two)
+            for one, two in pairwise(messages)
+            if two.at > one.at or two.type != TRANSFORMS
+        ]
         stuck = [two for one, two in pairs if two.stamp <= one.stamp]
         if len(stuck) > STUCK * len(pairs):
-            text = f"the stamps of {stuck[0].topic} do not advance: {stuck[0].stamp:.2f} s"
+            text = f"{len(stuck)} of {len(pairs)} stamps of {stuck[0].topic} are not later than the"
+            text += f" one before: {stuck[0].stamp:.2f} s"
             yield RunFault(text, "stamp-not-advancing", node)
 
 
