@@ -51,6 +51,17 @@ def test_a_missing_node_explains_a_wire_that_is_gone() -> None:
     assert explained(finding("N01", "/World/Clock"), finding("P01", SOURCE)) == "N01"
 
 
+def test_what_stands_at_the_fault_is_named_before_what_only_names_it() -> None:
+    beside = finding("K31", CLOCK, "warning", NODE)
+    assert explained(beside, finding("K44", NODE, "warning")) == "K44"
+
+
+def test_what_did_not_happen_is_not_explained_by_something_else() -> None:
+    unseen = replace(CHECK, verdict="not judged", prim="", rests_on=())
+    assert explaining_finding(unseen, [finding("K44", NODE, "warning")]) is None
+    assert explaining_finding(unseen, [finding("W01", NODE)]) is not None
+
+
 def test_a_fault_without_a_place_is_explained_by_the_rule_that_often_finds_it() -> None:
     found = finding("P01", NODE), finding("W01", ELSEWHERE, "warning")
     explaining = explaining_finding(replace(CHECK, prim="", rests_on=()), found)

@@ -156,10 +156,10 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
     """Return what the rules found about what a failed check rests on; None if only it shows that.
 
     Errors count before warnings, then what the check rests on before other places, then the rules
-    that most often find such faults, then what is nearest to the prim at fault. Of such a rule a
-    finding anywhere in the stage counts, and of every rule where nothing is known to be at fault,
-    as the node itself is missing: there such a rule comes first. Where a check was not judged, or a
-    fault has one cause, only those rules count.
+    that most often find such faults, then what is nearest to the prim at fault, and at it before
+    what only names it. Of such a rule a finding anywhere in the stage counts, and of every rule
+    where nothing is known to be at fault, as the node itself is missing: there such a rule comes
+    first. Where a check was not judged, or a fault has one cause, only those rules count.
     """
     if check.kind is None:
         return None
@@ -183,10 +183,11 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
         above = sites.get(prim.rpartition("/")[0] or "/", far)
         return sites.get(prim, min(far, above + len(sites)))
 
-    def rank(finding: Finding) -> tuple[bool, int, bool, bool, int]:
+    def rank(finding: Finding) -> tuple[bool, int, bool, bool, int, bool]:
         is_unusual, away = finding.rule not in usual, distance(finding)
         severity = SEVERITIES.index(finding.severity)
-        return not check.prim and is_unusual, severity, away == far, is_unusual, away
+        is_beside = finding.prim != check.prim
+        return not check.prim and is_unusual, severity, away == far, is_unusual, away, is_beside
 
     is_elsewhere = not check.prim and check.verdict == "bad"
     is_narrow = check.kind in _ONE_CAUSE
