@@ -99,6 +99,7 @@ def test_a_repair_writes_the_name_that_the_file_has(stage: Path, tmp_path: Path)
     shown = said("check", stage, "--format", "concise")
     assert "inputs:topic is" in shown
     assert "inputs:topicName" not in shown.replace("now inputs:topicName", "")
+    assert "set topic to '/clock'" in " ".join(said("check", stage).split())
     fixed = tmp_path / "fixed" / stage.name
     fixed.parent.mkdir()
     invoke("fix", stage, "--output", fixed)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TYPE_CHECKING, Any
@@ -155,12 +156,15 @@ def _as_written(problem: Problem, stage: StageModel) -> Problem:
     if not written:
         return problem
     names = written.get(problem.prim, {})
-    message = problem.message
+    message, hint = problem.message, problem.hint
     for name, other in names.items():
         message = message.replace(name, other)
+        if hint is not None:
+            hint = re.sub(rf"\b{name.partition(':')[2]}\b", other.partition(":")[2], hint)
     return replace(
         problem,
         message=message,
+        hint=hint,
         property=names.get(problem.property or "", problem.property),
         fix=tuple(_edit_as_written(edit, written) for edit in problem.fix),
     )
