@@ -250,6 +250,28 @@ def test_arrays_from_a_node_that_is_not_known_to_compute_frames_are_unknown() ->
     assert unknown_publishers(stage, m.lab().platform) == (publish.path,)
 
 
+def with_written_frames(*places: tuple[float, float, float]) -> StageModel:
+    publish = m.role(m.stage(), m.PUBLISH)
+    written = {
+        "parentFrames": ("base_footprint", "mast"),
+        "childFrames": ("mast", "lamp"),
+        "translations": places,
+    }
+    for name, value in written.items():
+        publish = m.valued(m.wired(publish, f"inputs:{name}"), f"inputs:{name}", value)
+    return m.with_node(m.stage(), publish)
+
+
+def test_frames_that_are_written_into_a_publisher_are_its_transforms() -> None:
+    stage = with_written_frames((0.0, 0.0, 1.0), (0.0, 0.0, 2.0))
+    assert pairs(stage)[1:] == [("base_footprint", "mast"), ("mast", "lamp")]
+    assert unknown_publishers(stage, m.lab().platform) == ()
+
+
+def test_written_arrays_of_different_lengths_send_nothing() -> None:
+    assert pairs(with_written_frames((0.0, 0.0, 1.0))) == [("odom", "base_footprint")]
+
+
 # ---- from prims to frames
 
 

@@ -489,6 +489,21 @@ def test_a_name_is_made_of_texts_in_their_order() -> None:
     assert "/sim/clock" in topics
 
 
+def test_a_name_to_which_a_further_text_is_put_is_not_known() -> None:
+    ends = named_by("nodes.BuildString", a="cl", b="o", c="ck")
+    assert [end.written for end in ends if end.node.name == "clock"] == [""]
+
+
+def test_how_a_fraction_is_written_is_not_known() -> None:
+    stage = rover()
+    write_node(stage, "/World/Clock/half", "nodes.ConstantDouble", {"value": 0.5})
+    write_node(stage, "/World/Clock/name", "nodes.ToString", {})
+    connect(stage, "/World/Clock", "half.value", "name.value")
+    connect(stage, "/World/Clock", "name.converted", "clock.topicName")
+    ends = endpoints(read_model(stage, m.lab().platform, "x"), m.lab().platform)
+    assert [end.written for end in ends if end.node.name == "clock"] == [""]
+
+
 def test_a_name_that_a_wire_brings_is_unknown_and_not_invalid() -> None:
     from lab3_usd.report.topic_table import TopicReport, as_csv
 
@@ -537,6 +552,14 @@ def test_a_node_with_a_prim_that_is_no_good_publishes_nothing_and_says_why(
     (silent,) = (end for end in endpoints(stage, m.lab().platform) if end.topic == topic)
     assert not silent.runs
     assert silent.silence.endswith(why)
+
+
+def test_a_render_product_that_shows_no_camera_publishes_nothing_and_says_why() -> None:
+    helper = m.wired(m.role(m.stage(), CAMERA, "ROS_Camera"), "inputs:renderProductPath")
+    named = m.valued(helper, "inputs:renderProductPath", "/World/Product")
+    silent = of(m.with_node(m.stage(), named), CAMERA)
+    assert not silent.runs
+    assert "/World/Product, which shows no camera" in silent.silence
 
 
 def test_a_context_of_an_unregistered_type_leaves_the_domain_to_the_environment() -> None:
