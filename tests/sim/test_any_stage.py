@@ -255,6 +255,16 @@ def test_odometry_that_is_computed_twice_in_an_update_has_each_stamp_twice(tmp_p
     assert (check.verdict, check.prim) == ("bad", "/World/Odometry/odometry")
 
 
+@pytest.mark.parametrize(("output", "verdict"), [("once", "bad"), ("after", "ok")])
+def test_a_single_signal_only_opens_a_topic(tmp_path: Path, output: str, verdict: str) -> None:
+    stage, graph = rover(), "/World/Clock"
+    stage.GetAttributeAtPath(f"{graph}/clock.inputs:execIn").ClearConnections()
+    write_node(stage, f"{graph}/first", "action.Once", {})
+    connect(stage, graph, "tick.tick", "first.execIn")
+    connect(stage, graph, f"first.{output}", "clock.execIn")
+    assert by_name(played(stage, tmp_path))["topics"].verdict == verdict
+
+
 def test_two_nodes_that_publish_one_topic_are_a_fault(tmp_path: Path) -> None:
     stage = rover()
     nodes = "/World/Odometry/odometry", "/World/Odometry/copy"

@@ -141,6 +141,17 @@ def test_text_that_is_printed_stops_no_signal() -> None:
     assert printer.enabled == ["execOut"]
 
 
+def test_once_signals_at_one_output_and_then_at_the_other_until_stop() -> None:
+    first, said = node("omni.graph.action.Once", {}), []
+    for _ in range(3):
+        assert first.compute(world())
+        said += first.enabled
+    assert said == ["once", "after", "after"]
+    first.reset()
+    assert first.compute(world())
+    assert first.enabled == ["once"]
+
+
 @pytest.mark.parametrize(("condition", "way"), [(True, "execTrue"), (False, "execFalse")])
 def test_a_branch_goes_one_way(condition: object, way: str) -> None:
     branch = node("omni.graph.action.Branch", {"condition": condition})

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources
+from lab3_usd.facts.execution_order import Nodes, listed_value
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node
@@ -19,23 +19,8 @@ def listed_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
 
 def listed(node: Node, port: str, live: Nodes) -> tuple[Value, ...] | None:
     """Return the list that reaches an input, None where it is unknown."""
-    made = live_sources(node, port, live)
-    if len(made) == 1 and made[0][0].type is not None and made[0][0].type.dynamic is not None:
-        value = _array_of(made[0][0], live)
-    else:
-        value = effective_value(node, port, live)
+    value = listed_value(node, port, live)
     return value if isinstance(value, tuple) else None
-
-
-def _array_of(maker: Node, live: Nodes) -> Value | None:
-    """Return the list that a node makes of its numbered inputs."""
-    dynamic = None if maker.type is None else maker.type.dynamic
-    count = None if dynamic is None else effective_value(maker, INPUT + dynamic.count, live)
-    if dynamic is None or not isinstance(count, int):
-        return None  # how many they are comes over a wire
-    names = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(maker.ports)))]
-    items = [effective_value(maker, name, live) for name in names]
-    return None if None in items else tuple(item for item in items if item is not None)
 
 
 class ArrayItems(Struct, frozen=True):

@@ -19,17 +19,14 @@ from lab3_usd.facts.execution_order import (
     LiveNodes,
     Nodes,
     effective_value,
-    fed_by_sensor,
-    is_fed,
     is_switched_on,
     live_nodes,
     live_sources,
     nodes_of,
     run_states,
-    sensor_of,
 )
 from lab3_usd.facts.rates import rate_source
-from lab3_usd.facts.render_products import has_two_sizes, stereo_products
+from lab3_usd.facts.render_products import has_two_sizes, sensor_of, stereo_products
 from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.messages import NAMED
 from lab3_usd.isaac.node_types import INPUT, KIND, NodeType
@@ -214,7 +211,7 @@ def endpoints(stage: StageModel, platform: Platform) -> tuple[Endpoint, ...]:
     states = working_states(stage, platform)
     is_certain = all(state == "runs" for state in states.values())
     surely = (node for path, node in running.items() if states[path] == "runs")
-    certain = running if is_certain else LiveNodes(surely)
+    certain = running if is_certain else LiveNodes(surely, live.variables)
     nodes = (live, running, certain)
     unordered = [
         _endpoint(node, port, stage, platform, nodes)
@@ -249,7 +246,7 @@ def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
         switch = kind.ports.get(topic_switch(port))
         if switch is None or effective_value(node, switch.name, live) is True:
             product = kind.ports.get(product_input(port))
-            if port == kind.topics[0] or product is None or is_fed(node, product.name, live):
+            if port == kind.topics[0] or product is None or _is_fed(node, product.name, live):
                 yield port
 
 
@@ -307,8 +304,8 @@ def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
     product = product_input(port)
     needs = node.type is not None and product in node.type.ports
     is_on = is_switched_on(node, live) and not is_refused(node, live)
-    is_fed_otherwise = node.has_port(_VIEWPORT) and is_fed(node, _VIEWPORT, live)
-    has_sensor = not needs or is_fed_otherwise or fed_by_sensor(node, product, running)
+    is_fed_otherwise = node.has_port(_VIEWPORT) and _is_fed(node, _VIEWPORT, live)
+    has_sensor = not needs or is_fed_otherwise or _fed_by_sensor(node, product, running)
     return node.path in running and is_on and has_sensor
 
 
@@ -378,3 +375,16 @@ def is_refused(node: Node, live: Nodes) -> bool:
         return False
     message_kind = effective_value(node, KIND, live)
     return isinstance(message_kind, str) and message_kind not in kind.message
+
+
+def _is_fed(node: Node, port: str, live: Nodes) -> bool:
+    """Whether an input that is empty by default gets anything, by wire or as a value."""
+    value = effective_value(node, port, live)
+    return value is None or value not in ("", ())
+
+
+def _fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
+    """Whether a render product reaches the node: from a node that runs, or by name."""
+    if not node.sources(port):
+        return bool(node.value(port))
+    return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))

@@ -11,7 +11,6 @@ from typing import Literal
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, is_refused
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.topics import PRODUCT
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Severity
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, once_per_stage
@@ -19,7 +18,9 @@ from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, once_p
 # A node that is not named among the states does not run.
 State = Literal["runs", "may run"]
 ENABLED = "inputs:enabled"
+VARIABLE = "graph:variable:"  # how the attributes begin that hold variables of a graph
 Nodes = Mapping[str, Node]
+Variables = Mapping[str, Mapping[str, Value]]
 _Sources = tuple[tuple[Node, str], ...]
 _Followers = Mapping[str, list[str]]
 _OPENED_FIRST = ("publisher", "subscriber")
@@ -29,23 +30,27 @@ _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 class LiveNodes(dict[str, Node]):
     """Live nodes of a stage by path, and which of them feed their inputs, worked out once."""
 
-    __slots__ = ("fed",)
+    __slots__ = ("fed", "variables")
 
-    def __init__(self, nodes: Iterable[Node]) -> None:
-        """Take all live nodes of a stage, or some."""
+    def __init__(self, nodes: Iterable[Node], variables: Variables) -> None:
+        """Take all live nodes of a stage, or some, and the variables of its graphs."""
         super().__init__((node.path, node) for node in nodes)
+        self.variables = variables
         self.fed: dict[tuple[str, str], tuple[PortState, _Sources]] = {}
 
 
 @once_per_stage
 def live_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
     """Return the nodes of all active graphs by path, leaving out what the application made."""
-    return LiveNodes(
-        node
-        for graph in stage.graphs
-        if graph.active and not platform.graph.ignores(graph.path)
-        for node in graph.nodes
-    )
+    graphs = [g for g in stage.graphs if g.active and not platform.graph.ignores(g.path)]
+    return LiveNodes((node for graph in graphs for node in graph.nodes), _variables(graphs))
+
+
+def _variables(graphs: Iterable[GraphModel]) -> Variables:
+    """Return the attributes of graphs that hold variables, by graph; none where a node sets one."""
+    types = {node.type for graph in graphs for node in graph.nodes if node.type}
+    is_set = any(kind.variable and kind.execution_inputs for kind in types)
+    return {} if is_set else {graph.path: graph.attributes for graph in graphs}
 
 
 @once_per_stage
@@ -137,7 +142,7 @@ def states_without(
 def running_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
     """Return the nodes that run or may run, by path."""
     live = live_nodes(stage, platform)
-    return LiveNodes(live[path] for path in run_states(stage, platform))
+    return LiveNodes((live[path] for path in run_states(stage, platform)), live.variables)
 
 
 def severity_if_uncertain(stage: StageModel, platform: Platform, *paths: str) -> Severity | None:
@@ -435,7 +440,51 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
         return None
     if source_port.startswith(INPUT):
         return effective_value(source, source_port, live, depth - 1)
-    return _text_of(source, live, depth - 1)
+    return _given(source, live, depth - 1)
+
+
+def _given(node: Node, live: Nodes, depth: int) -> Value | None:
+    """Return the value that a node gives, None where it is unknown."""
+    kind = node.type
+    if kind is not None and kind.picks:
+        by, *picked = kind.picks
+        chosen = effective_value(node, by, live, depth)
+        known = isinstance(chosen, bool)
+        return effective_value(node, picked[bool(chosen)], live, depth) if known else None
+    if kind is not None and kind.element:
+        array = listed_value(node, kind.element[0], live, depth)
+        at = effective_value(node, kind.element[1], live, depth)
+        if isinstance(array, tuple) and isinstance(at, int) and -len(array) <= at < len(array):
+            return array[at]
+        return None
+    if kind is not None and kind.variable:
+        return _variable(node, kind.variable, live, depth)
+    return _text_of(node, live, depth)
+
+
+def _variable(node: Node, ports: tuple[str, ...], live: Nodes, depth: int) -> Value | None:
+    """Return the value of a variable that no node sets, None for another one."""
+    name, graph, path = ports
+    if type(live) is not LiveNodes or node.sources(path) or node.value(path):
+        return None
+    owner = next(iter(node.targets(graph)), node.path.rpartition("/")[0])
+    full_name = f"{VARIABLE}{effective_value(node, name, live, depth)}"
+    return live.variables.get(owner, {}).get(full_name)
+
+
+def listed_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | None:
+    """Return the value that reaches an input, also as a node makes it of numbered inputs."""
+    made = live_sources(node, port, live)
+    maker = made[0][0] if len(made) == 1 else node
+    dynamic = None if maker is node or maker.type is None else maker.type.dynamic
+    if dynamic is None:
+        return effective_value(node, port, live, depth)
+    count = effective_value(maker, INPUT + dynamic.count, live, depth) if depth else None
+    if not isinstance(count, int):
+        return None  # how many they are comes over a wire
+    names = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(maker.ports)))]
+    items = [effective_value(maker, name, live, depth - 1) for name in names]
+    return None if None in items else tuple(item for item in items if item is not None)
 
 
 def _text_of(node: Node, live: Nodes, depth: int) -> str | None:
@@ -445,25 +494,3 @@ def _text_of(node: Node, live: Nodes, depth: int) -> str | None:
     values = [effective_value(node, part, live, depth) for part in parts]
     texts = [str(value) for value in values if type(value) in (str, int)]
     return "".join(texts) if texts and len(texts) == len(parts) and not is_more else None
-
-
-def sensor_of(node: Node, live: Nodes) -> str | None:
-    """Return the path of the prim whose render product the node reads, None where it reads none."""
-    for source, _ in live_sources(node, PRODUCT, live):
-        for port in () if source.type is None else source.type.ports.values():
-            if port.is_target and source.targets(port.name):
-                return source.targets(port.name)[0]
-    return None
-
-
-def is_fed(node: Node, port: str, live: Nodes) -> bool:
-    """Whether an input that is empty by default gets anything, by wire or as a value."""
-    value = effective_value(node, port, live)
-    return value is None or value not in ("", ())
-
-
-def fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
-    """Whether a render product reaches the node: from a node that runs, or by name."""
-    if not node.sources(port):
-        return bool(node.value(port))
-    return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))

@@ -10,9 +10,9 @@ from lab3_usd.facts.execution_order import (
     event_of,
     live_sources,
     run_states,
-    sensor_of,
     signal_sources,
 )
+from lab3_usd.facts.render_products import sensor_of
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import PRODUCT

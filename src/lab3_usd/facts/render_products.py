@@ -6,8 +6,8 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import effective_value, live_sources
-from lab3_usd.isaac.topics import product_input
+from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources
+from lab3_usd.isaac.topics import PRODUCT, product_input
 from lab3_usd.model.stage import Node, StageModel
 
 
@@ -71,3 +71,12 @@ def has_two_sizes(pair: tuple[Shown, Shown] | None) -> bool:
     """
     sizes = {shown.size for shown in pair or ()}
     return None not in sizes and len(sizes) > 1
+
+
+def sensor_of(node: Node, live: Nodes) -> str | None:
+    """Return the path of the prim whose render product the node reads, None where it reads none."""
+    for source, _ in live_sources(node, PRODUCT, live):
+        for port in () if source.type is None else source.type.ports.values():
+            if port.is_target and source.targets(port.name):
+                return source.targets(port.name)[0]
+    return None

@@ -95,7 +95,7 @@ def working_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
     if states == run_states(stage, platform):
         return running_nodes(stage, platform)
     live = live_nodes(stage, platform)
-    return LiveNodes(live[path] for path in states)
+    return LiveNodes((live[path] for path in states), live.variables)
 
 
 def obstacle(node: Node, stage: StageModel, platform: Platform) -> Stuck | None:

@@ -141,7 +141,10 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     is looked for; `step_limits` the inputs that must be 0 while the input of `time_step` is;
     `sizes` how long the arrays of some outputs always are. In a stage in metres a node gives what
     comes into its inputs `same_in_metres` as it is. It gives the texts of its inputs `text_of`, one
-    after the other, and signals at one of two outputs after its `choice`. One that
+    after the other, the second or third input of `picks` while the first is False or True, and of
+    the first input of `element` the item that the second numbers. It reads or, with a signal, sets
+    a `variable`: the inputs that name it, its graph, and the path of that. It signals at one of two
+    outputs after its `choice`. One that
     `grows_by_message` has its fields as ports, too, and one that `grows` has each port whose name
     fits one of these patterns, in full.
     Of one that `is_open` only some ports are known. What is known of one that `is_documented` is
@@ -172,6 +175,9 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     product: ProductPorts | None = None
     same_in_metres: tuple[str, ...] = ()
     text_of: tuple[str, ...] = ()
+    picks: tuple[str, ...] = ()
+    element: tuple[str, ...] = ()
+    variable: tuple[str, ...] = ()
     choice: Choice | None = None
     grows_by_message: bool = False
     grows: Mapping[str, Port] = field(default_factory=dict)

@@ -60,8 +60,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     in which it does, '' where a stage does not tell whether it will, and `by_hand` are those that
     need somebody at the screen; `deltas` name their outputs that give the length of a step. `once`
     are the types with outputs that signal a single time after Play, `gates` those that pass no
-    signal on while the input named there is 0, `passing` those that pass each on; `picks` give one
-    element of an array, whose inputs are named. Below
+    signal on while the input named there is 0, `passing` those that pass each on. Below
     `world_frame` hangs what has no parent prim. `writers` change the scene or the run; what begins
     with one of `appearance` is a property that only changes what one sees. `placed` are types of
     prims whose place matters beside those of bodies, `attributes` those that are read beside the
@@ -82,7 +81,6 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     by_hand: frozenset[str]
     once: Mapping[str, SingleSignal]
     passing: frozenset[str]
-    picks: Mapping[str, tuple[str, str]]
     gates: Mapping[str, str]
     scripts: Scripts
     world_frame: str

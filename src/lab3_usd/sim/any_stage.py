@@ -269,6 +269,9 @@ def _publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:
         return
     for node in causes.program.nodes.values():
         cause = causes.broken(node) if node.type.role in PUBLISHING else None
+        if cause is None and 0 < node.count <= len(trial.drive):
+            reason = "its only signal opened its topic"
+            cause = Cause(node.path, reason, "not-executed")
         if node.type.role in PUBLISHING and (cause is None or cause.kind != "switched-off"):
             yield node.path, cause
 

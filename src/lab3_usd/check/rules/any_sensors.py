@@ -6,7 +6,8 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import ModelSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.execution_order import live_nodes, nodes_of, run_states, sensor_of
+from lab3_usd.facts.execution_order import live_nodes, nodes_of, run_states
+from lab3_usd.facts.render_products import sensor_of
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.finding import Problem

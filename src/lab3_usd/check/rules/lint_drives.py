@@ -61,7 +61,7 @@ def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
             numbers = {*elements.values()}
             if size > 1 and len(fed) > 1 and len(numbers) == 1 and None not in numbers:
                 first = taking[0]
-                port = INPUT + subject.platform.picks[first.type_name][1]
+                port = _index_port(first)
                 yield Problem(
                     first.path,
                     f"{port} is {numbers.pop()}, as wherever an element of "
@@ -74,9 +74,14 @@ def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
 
 def _element(node: Node, size: int, subject: LintSubject) -> int | None:
     """Return the number of the element that a node takes of an array, None for all or unknown."""
-    _, index = subject.platform.picks.get(node.type_name, ("", ""))
-    value = effective_value(node, INPUT + index, subject.live) if index else None
+    index = _index_port(node)
+    value = effective_value(node, index, subject.live) if index else None
     return value % size if isinstance(value, int) else None
+
+
+def _index_port(node: Node) -> str:
+    """Return the input that numbers the element which a node takes, '' for another node."""
+    return node.type.element[1] if node.type is not None and node.type.element else ""
 
 
 @rule("K62", "drive-ignores-velocity", scope="lint")

@@ -8,8 +8,8 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.execution_order import effective_value, nodes_of, sensor_of
-from lab3_usd.facts.render_products import shown_by
+from lab3_usd.facts.execution_order import effective_value, nodes_of
+from lab3_usd.facts.render_products import sensor_of, shown_by
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.facts.stuck_nodes import lost_products, refused_target

@@ -52,7 +52,6 @@ class _SystemFile(Struct, forbid_unknown_fields=True):
     by_hand: frozenset[str]
     once: dict[str, SingleSignal]
     passing: frozenset[str]
-    picks: dict[str, tuple[str, str]]
     gates: dict[str, str]
     scripts: Scripts
     world_frame: str
@@ -196,7 +195,6 @@ def assemble_platform(folder: Path) -> Platform:
         by_hand=system.by_hand,
         once=system.once,
         passing=system.passing,
-        picks=system.picks,
         gates=system.gates,
         scripts=system.scripts,
         world_frame=system.world_frame,

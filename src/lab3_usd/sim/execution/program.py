@@ -242,7 +242,9 @@ def _running(
     for node in graph.nodes:
         known = type_of(node, platform)
         function = function_of(known) if known is not None else None
-        if last_name(node.type) == READ_VARIABLE and is_written:
+        again = INPUT + (platform.once[node.type].again if node.type in platform.once else "")
+        is_begun_anew = bool((node.inputs.get(again) or _UNSAVED).sources)
+        if is_begun_anew or (last_name(node.type) == READ_VARIABLE and is_written):
             function = None
         is_direct = node.path.rpartition("/")[0] == graph.path
         if known is None and is_direct and is_unregistered(node.type, platform):

@@ -178,6 +178,15 @@ def sequence(node: NodeInstance, world: World) -> bool:
     return True
 
 
+@computes("Once")
+def once(node: NodeInstance, world: World) -> bool:
+    """OgnOnce.html: the first signal goes on at one output, those after it at the other."""
+    del world
+    node.enabled.append("after" if "signalled" in node.memory else "once")
+    node.memory["signalled"] = True
+    return True
+
+
 @computes("Branch")
 def branch(node: NodeInstance, world: World) -> bool:
     """omni-graph-action/branch-1.html: a signal goes on at one of two outputs."""
