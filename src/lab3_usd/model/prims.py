@@ -153,7 +153,7 @@ class Prims(Mapping[str, Prim]):
         )
 
 
-class Collider(Struct, frozen=True):
+class Collider(Struct, frozen=True, gc=False):
     """The box around one collision shape in world space, in metres."""
 
     path: str

@@ -60,7 +60,7 @@ def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
     return not after
 
 
-class PortState(Struct, frozen=True):
+class PortState(Struct, frozen=True, gc=False):
     """One port as the composed stage holds it.
 
     `value` is the authored value, None where the port was left alone; `usd_type` the declared
@@ -75,7 +75,7 @@ class PortState(Struct, frozen=True):
     targets: tuple[str, ...] = ()
 
 
-class Node(Struct, frozen=True):
+class Node(Struct, frozen=True, gc=False):
     """A node prim that is active and defined.
 
     `type_name` is the name of its type in the release by which the stage is judged ('' where

@@ -154,12 +154,12 @@ def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | 
 
 def _evenly(world: Matrix, along: int | None = None) -> Matrix:
     """Return where a round shape stands, with its largest scale across its axis, if it has one."""
-    scale = scale_of(world)
-    across = {row: abs(scale[row]) for row in range(3) if row != along}
-    largest = max(across.values())
-    if min(across.values()) >= largest * (1 - _EVEN) or not all(across.values()):
+    scale = [abs(size) for size in scale_of(world)]
+    across = scale if along is None else scale[:along] + scale[along + 1 :]
+    largest = max(across)
+    if min(across) >= largest * (1 - _EVEN) or not all(across):
         return world
-    sizes = [largest / across[row] if row in across else 1.0 for row in range(3)]
+    sizes = [1.0 if row == along else largest / scale[row] for row in range(3)]
     return (*(world[at] * sizes[at // 4] for at in range(12)), *world[12:])
 
 

@@ -71,20 +71,7 @@ class PrimReader:
         self.placed = {*_PLACED, *platform.placed}
         self.sensor_attributes = platform.attributes
 
-    def prim(self, prim: Usd.Prim, path: str, type_name: str, apis: Sequence[str]) -> Prim:
-        """Return the prim at a path, whose values and place are still to be read."""
-        is_present = IS_PRESENT(prim)
-        return Prim.unread(
-            path,
-            type_name,
-            tuple(apis),
-            self._read,
-            active=is_present or prim.IsActive(),
-            defined=is_present or is_in_scene(prim, self.hidden),
-            placeless=is_placeless(type_name, path, self.hidden),
-        )
-
-    def _read(self, prim: Prim, name: str) -> None:
+    def read(self, prim: Prim, name: str) -> None:
         """Set the field of a prim, and those that are read with it.
 
         Raises:
@@ -118,17 +105,21 @@ class PrimReader:
 class PrimIndex(Struct, frozen=True):
     """The prims of a stage in the order of a traversal, and their numbers by type and schema.
 
-    Beside each prim are its type and its schemas.
+    `types` and `apis` are the type and the schemas of each.
     """
 
-    prims: list[tuple[Usd.Prim, str, Sequence[str]]] = field(default_factory=list)
+    prims: list[Usd.Prim] = field(default_factory=list)
+    types: list[str] = field(default_factory=list)
+    apis: list[Sequence[str]] = field(default_factory=list)
     by_type: defaultdict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     by_api: defaultdict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, prim: Usd.Prim, type_name: str, apis: Sequence[str]) -> None:
         """Add the next prim."""
         number = len(self.prims)
-        self.prims.append((prim, type_name, apis))
+        self.prims.append(prim)
+        self.types.append(type_name)
+        self.apis.append(apis or ())  # of most prims, so that no list is kept for each
         self.by_type[type_name].append(number)
         for api in apis:
             self.by_api[api].append(number)
@@ -140,10 +131,12 @@ class StagePrims(Prims):
     def __init__(self, reader: PrimReader, form: GraphForm, index: PrimIndex) -> None:
         """Take the index that one scan of the stage has made."""
         self._reader = reader
+        self._read = reader.read
         self._form = form
         self._index = index
-        self._by_name: dict[str, list[int]] = {}
+        self._by_name: defaultdict[str, list[int]] = defaultdict(list)
         self._known: dict[str, Prim] = {}
+        self._numbered: dict[int, Prim] = {}  # those of the index that are known
         self._answers: dict[tuple[int, NameFilter], list[Prim]] = {}  # by index and key
 
     def __getitem__(self, path: str) -> Prim:
@@ -171,7 +164,7 @@ class StagePrims(Prims):
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the paths."""
-        return (str(Usd.Prim.GetPath(prim)) for prim, _, _ in self._index.prims)
+        return (str(Usd.Prim.GetPath(prim)) for prim in self._index.prims)
 
     def __len__(self) -> int:
         """Count the prims."""
@@ -189,8 +182,8 @@ class StagePrims(Prims):
         """Return the prims whose own name is asked for."""
         if not self._by_name:
             with stage_errors(self._reader.name):
-                for number, (prim, _, _) in enumerate(self._index.prims):
-                    self._by_name.setdefault(Usd.Prim.GetName(prim), []).append(number)
+                for number, prim in enumerate(self._index.prims):
+                    self._by_name[Usd.Prim.GetName(prim)].append(number)
         return self._chosen(self._by_name, name_filter)
 
     def below(
@@ -225,10 +218,19 @@ class StagePrims(Prims):
     def _prim(
         self, prim: Usd.Prim, path: str, kind: str, apis: Sequence[str] | None = None
     ) -> Prim:
+        """Return the prim at a path, whose values and place are still to be read."""
         known = self._known.get(path)
         if known is None:
-            apis = schemas(prim) if apis is None else apis
-            known = self._known[path] = self._reader.prim(prim, path, kind, apis)
+            is_present, hidden = IS_PRESENT(prim), self._reader.hidden
+            known = self._known[path] = Prim.unread(
+                path,
+                kind,
+                schemas(prim) if apis is None else tuple(apis),
+                self._read,
+                active=is_present or prim.IsActive(),
+                defined=is_present or is_in_scene(prim, hidden),
+                placeless=is_placeless(kind, path, hidden),
+            )
         return known
 
     def _chosen(self, index: Mapping[str, list[int]], name_filter: NameFilter) -> Sequence[Prim]:
@@ -239,16 +241,17 @@ class StagePrims(Prims):
                 numbers = index.get(name_filter, [])
             else:
                 numbers = sorted({n for key in index if name_filter(key) for n in index[key]})
-            known = self._answers[id(index), name_filter] = self._numbered(numbers)
+            with stage_errors(self._reader.name):
+                known = [self._numbered.get(number) or self._at(number) for number in numbers]
+            self._answers[id(index), name_filter] = known
         return known
 
-    def _numbered(self, numbers: Iterable[int]) -> list[Prim]:
-        with stage_errors(self._reader.name):
-            entries = map(self._index.prims.__getitem__, numbers)
-            return [
-                self._prim(prim, str(Usd.Prim.GetPath(prim)), kind, apis)
-                for prim, kind, apis in entries
-            ]
+    def _at(self, number: int) -> Prim:
+        index = self._index
+        prim, kind, apis = index.prims[number], index.types[number], index.apis[number]
+        known = self._prim(prim, str(Usd.Prim.GetPath(prim)), kind, apis)
+        self._numbered[number] = known
+        return known
 
 
 @quiet()

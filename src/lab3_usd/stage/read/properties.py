@@ -215,13 +215,16 @@ def targets_of(relationship: Usd.Relationship) -> list[Sdf.Path]:
     return targets
 
 
-class AuthoredProperty(Struct, frozen=True, eq=False):
-    """A property of a prim as its layers have it, the strongest first; without any, it is empty."""
+class AuthoredProperty(Struct, frozen=True, eq=False, gc=False):
+    """A property of a prim as its layers have it, the strongest first; without any, it is empty.
 
-    prim: Usd.Prim
+    `alone` is that of the only layer, where it is an attribute: most are, and need no composition.
+    """
+
+    owner: AuthoredProperties
     name: str
     specs: list[Any]
-    is_plain: bool = False  # that no composition arc brings anything to the prim
+    alone: Sdf.AttributeSpec | None
 
     @property
     def _is_relationship(self) -> bool:
@@ -237,42 +240,46 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
     @property
     def type(self) -> str:
         """The declared type of an attribute, `rel` for a relationship, '' for neither."""
+        if self.alone is not None:
+            return str(self.alone.typeName)
         if not self.specs:
             return ""
-        strongest = self.specs[0]
-        is_relationship = type(strongest) is Sdf.RelationshipSpec
-        return RELATIONSHIP if is_relationship else str(strongest.typeName)
+        return RELATIONSHIP if self._is_relationship else str(self.specs[0].typeName)
 
     def value(self, longest: int = LONGEST) -> Value | None:
         """Return the value that a layer gives to an attribute, as `plain_value` does."""
-        specs = self.specs
-        if len(specs) == 1 and type(specs[0]) is Sdf.AttributeSpec:
-            alone = specs[0].default  # of one layer, which needs no composition
-            kind = type(alone)
+        if self.alone is not None:
+            found = self.alone.default
+            kind = type(found)
+            if kind in _PLAIN:
+                result: Value | None = found
+                return result
             if kind not in _WITH_VARIABLES:
-                return alone if kind in _PLAIN else plain_value(alone, longest)
+                return plain_value(found, longest)
         if not self._is_authored(_VALUE):
             return None
-        found = Usd.Attribute.Get(Usd.Prim.GetAttribute(self.prim, self.name))
+        found = Usd.Attribute.Get(Usd.Prim.GetAttribute(self.owner.prim, self.name))
         return plain_value(found, longest)
 
     def sources(self) -> tuple[str, ...]:
         """Return the properties that an attribute is connected to."""
-        specs = self.specs
-        if self.is_plain and len(specs) == 1 and type(specs[0]) is Sdf.AttributeSpec:
-            return _paths(specs[0], _SOURCES)
-        if not self._is_authored(_SOURCES):
+        if self.alone is not None:
+            if not Sdf.Spec.HasInfo(self.alone, _SOURCES):
+                return ()
+            if self.owner.is_plain:
+                return _paths(self.alone, _SOURCES)
+        elif not self._is_authored(_SOURCES):
             return ()
-        attribute = Usd.Prim.GetAttribute(self.prim, self.name)
+        attribute = Usd.Prim.GetAttribute(self.owner.prim, self.name)
         return tuple(map(str, Usd.Attribute.GetConnections(attribute)))
 
     def targets(self) -> tuple[str, ...]:
         """Return the prims that a relationship leads to."""
         if not self._is_relationship:
             return ()
-        if self.is_plain and len(self.specs) == 1:
+        if len(self.specs) == 1 and self.owner.is_plain:
             return _paths(self.specs[0], _TARGETS)
-        relationship = Usd.Prim.GetRelationship(self.prim, self.name)
+        relationship = Usd.Prim.GetRelationship(self.owner.prim, self.name)
         return tuple(map(str, Usd.Relationship.GetTargets(relationship)))
 
     def custom_data(self, *keys: str) -> Any:
@@ -288,24 +295,29 @@ class AuthoredProperty(Struct, frozen=True, eq=False):
 
 def _paths(spec: Sdf.PropertySpec, field: str) -> tuple[str, ...]:
     """Return the paths that the only layer of a property lists, which needs no composition."""
-    if not Sdf.Spec.HasInfo(spec, field):  # as of most properties, which costs less than the list
-        return ()
-    paths = Sdf.Spec.GetInfo(spec, field).ApplyOperations([])
-    return tuple(map(str, paths)) if paths else ()
+    paths = Sdf.Spec.GetInfo(spec, field)
+    return tuple(map(str, paths.GetAppliedItems())) if paths else ()
 
 
 class AuthoredProperties:
     """The properties of a prim that a layer holds."""
 
-    __slots__ = ("_index", "_is_plain", "_names", "_prim", "_stack")
+    __slots__ = ("_index", "_is_plain", "_names", "_stack", "prim")
 
     def __init__(self, prim: Usd.Prim) -> None:
         """Look at the layers that say something of a prim."""
-        self._prim = prim
+        self.prim = prim
         self._stack = Usd.Prim.GetPrimStack(prim)
         self._index = Usd.Prim.GetPrimIndex(prim)
-        self._is_plain = not self._index.rootNode.children
         self._names: list[str] | None = None
+        self._is_plain: bool | None = None
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether no composition arc brings anything to the prim."""
+        if self._is_plain is None:
+            self._is_plain = not self._index.rootNode.children
+        return self._is_plain
 
     def names(self) -> list[str]:
         """Return their names, sorted.
@@ -316,7 +328,7 @@ class AuthoredProperties:
         if self._names is None:
             self._names = sorted(self._index.ComputePrimPropertyNames())
             if self._names and not self._names[0]:
-                Usd.Prim.GetAuthoredProperties(self._prim)  # tells of the damage
+                Usd.Prim.GetAuthoredProperties(self.prim)  # tells of the damage
         return self._names
 
     def __getitem__(self, name: str) -> AuthoredProperty:
@@ -326,7 +338,8 @@ class AuthoredProperties:
             spec = Sdf.PrimSpec.GetPropertyAtPath(prim, path)
             if spec is not None:
                 specs.append(spec)
-        return AuthoredProperty(self._prim, name, specs, self._is_plain)
+        alone = specs[0] if len(specs) == 1 and type(specs[0]) is Sdf.AttributeSpec else None
+        return AuthoredProperty(self, name, specs, alone)
 
 
 @lru_cache(maxsize=4096)
