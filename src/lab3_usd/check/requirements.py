@@ -201,9 +201,19 @@ def scene_requirements(
 ) -> Iterator[Requirement]:
     """Yield what is demanded of the scene, met where no error fails it."""
     unmet = unmet_by(findings)
-    for demand in demands_of(lab, checkpoint):
-        met = demand.id not in unmet
-        yield Requirement(demand.id, demand.group, "scene", demand.title, met, demand.handout)
+    for met in _scene_items(lab, checkpoint, scene_demands()):
+        yield replace(met, met=False) if met.id in unmet else met
+
+
+@lru_cache(maxsize=16)
+def _scene_items(
+    lab: Lab, checkpoint: Checkpoint, stated: tuple[Demands, ...]
+) -> tuple[Requirement, ...]:
+    """Return what is demanded of the scene as it is met, which is the same for every stage."""
+    return tuple(
+        Requirement(each.id, each.group, "scene", each.title, met=True, handout=each.handout)
+        for each in _in_order(lab, checkpoint, stated)
+    )
 
 
 def with_named_faults(
