@@ -144,7 +144,7 @@ def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
 
 
 _STAGE = ""  # the part of a stage that most rules are about: all of it
-_Known = dict[tuple[str, str | None], RuleResults]
+_Known = dict[str, dict[str, RuleResults]]
 
 
 def _known_results(stage: StageModel, lab: Lab, checkpoint: Checkpoint) -> _Known:
@@ -160,7 +160,8 @@ def _known_results(stage: StageModel, lab: Lab, checkpoint: Checkpoint) -> _Know
 class _Run(Struct, frozen=True):
     """What one run by a lab comes to, in the order in which the rules speak.
 
-    `known` are the results of rules, by the part that they are about, which hold at any checkpoint.
+    `known` are the results of rules, by the part that they are about and by rule, which hold at any
+    checkpoint.
     """
 
     lab: Lab
@@ -175,14 +176,18 @@ class _Run(Struct, frozen=True):
     def rules(self, rules: Iterable[Rule], subjects: Collection[tuple[Any, str | None]]) -> None:
         """Run each rule over all subjects, which stand beside the part that they are about."""
         uses = self.stage.checkpoint_uses
+        beside_known = [
+            (subject, {} if part is None else self.known.setdefault(part, {}))
+            for subject, part in subjects
+        ]
         for rule in rules:
-            for subject, part in subjects:
-                results = self.known.get((rule.id, part))
+            for subject, known in beside_known:
+                results = known.get(rule.id)
                 if results is None:
                     results = run_rule(rule, subject, self.lab)
                     before, uses = uses, self.stage.checkpoint_uses
-                    if part is not None and uses == before:
-                        self.known[rule.id, part] = results
+                    if uses == before:
+                        known[rule.id] = results
                 if results is not NOTHING:
                     self._keep(results)
 

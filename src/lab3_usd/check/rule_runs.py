@@ -52,28 +52,30 @@ def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
     Raises:
         StageError: a file turns out to be damaged, which is no fault of the rule.
     """
-    findings: list[Finding] = []
-    left_open: list[Finding] = []
-    # A site that a rule comes to by several ways is left open once.
-    not_judged: dict[NotJudged, None] = {}
+    found: list[tuple[Problem, Finding]] = []
     crashes: tuple[Crash, ...] = ()
     try:
-        for found in problems_of(rule, subject):
-            problem = _as_judged(found, rule, subject)
-            if problem.rests_on is None:
-                findings.append(finding_of(rule, problem, lab))
-            else:
-                left_open.append(finding_of(rule, problem, lab))
-                asset = problem.rests_on.asset
-                not_judged[NotJudged(rule.id, problem.prim, problem.property, asset)] = None
+        for each in problems_of(rule, subject):
+            problem = _as_judged(each, rule, subject)
+            found.append((problem, finding_of(rule, problem, lab)))
     except StageError:
         raise
     except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
         crashes = (Crash(rule.id, f"{type(error).__name__}: {error}"),)
-    # Most rules find nothing in most stages.
-    if not (findings or crashes or not_judged):
+    if not (found or crashes):  # as most rules in most stages
         return NOTHING
-    return RuleResults(tuple(findings), crashes, tuple(not_judged), left_open=tuple(left_open))
+    # A site that a rule comes to by several ways is left open once.
+    not_judged = dict.fromkeys(
+        NotJudged(rule.id, problem.prim, problem.property, problem.rests_on.asset)
+        for problem, _ in found
+        if problem.rests_on is not None
+    )
+    return RuleResults(
+        tuple(finding for problem, finding in found if problem.rests_on is None),
+        crashes,
+        tuple(not_judged),
+        left_open=tuple(finding for problem, finding in found if problem.rests_on is not None),
+    )
 
 
 def _as_judged(problem: Problem, rule: Rule, subject: Any) -> Problem:
