@@ -31,12 +31,11 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
     if not hinted:
         yield from findings
         return
+    graph_of = {path: _graph(path) for path in nodes}
     alike = Counter(
-        (graph, node_title(node))
-        for path, node in nodes.items()
-        if (graph := _graph(path)) in hinted
+        (graph, node_title(nodes[path])) for path, graph in graph_of.items() if graph in hinted
     )
-    graphs = {_graph(path) for path in nodes}
+    graphs = {*graph_of.values()}
     for finding in findings:
         node = nodes.get(finding.prim)
         if node is None or not finding.hint:

@@ -57,6 +57,8 @@ def stereo_products(
 ) -> tuple[Shown, Shown] | None:
     """Return what the products of a stereo pair show, left and right; None for no known pair."""
     topics = () if node.type is None else node.type.topics
+    if len(topics) < len(("left", "right")):
+        return None
     ports = dict.fromkeys(map(product_input, topics))
     shown = [shown_by(node, port, stage, live) for port in ports if node.has_port(port)]
     if len(shown) != len(("left", "right")) or shown[0] is None or shown[1] is None:

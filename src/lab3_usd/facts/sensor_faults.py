@@ -74,7 +74,7 @@ def known_faults(
 
     Sensors with the same values are `alike` where nothing else says what attributes they have.
     """
-    if any(isinstance(value, tuple) and len(value) > _LONG for value in values.written.values()):
+    if any(len(value) > _LONG for value in values.written.values() if type(value) is tuple):
         return sensor_faults(platform, values)
     known = _known_faults(platform)
     key = (alike or values.apis, repr([*values.written.items()]))

@@ -78,9 +78,11 @@ def working_states(stage: StageModel, platform: Platform) -> dict[str, State]:
     As `run_states`, but for nodes that are stuck and those that wait for their signals.
     """
     stuck, known = stuck_nodes(stage, platform), run_states(stage, platform)
+    if not stuck:
+        return known
     surely = {path for path, one in stuck.items() if one.sure}
     at_most = states_without(stage, platform, stuck=surely) if surely else known
-    at_least = states_without(stage, platform, stuck=stuck) if stuck else known
+    at_least = states_without(stage, platform, stuck=stuck)
     return {
         path: "runs" if at_least.get(path) == "runs" and path not in stuck else "may run"
         for path in at_most

@@ -191,18 +191,18 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
 def _ignored_masses(prim: Prim, stage: StageModel) -> Iterator[Problem]:
     """Yield what is written of the mass of a prim and has no effect."""
     held = prim.attributes
-    written = {name: held[name] for name in _MASSES if name in held}
-    for name, value in written.items():
-        if any(part < 0 for part in _parts(value)):
+    written = {name: _parts(held[name]) for name in _MASSES if name in held}
+    for name, parts in written.items():
+        if any(part < 0 for part in parts):
             yield Problem(
                 prim.path,
-                f"{name} is {display(value)}, and counts as not set",
+                f"{name} is {display(held[name])}, and counts as not set",
                 property=name,
                 expected="above 0",
-                actual=display(value),
+                actual=display(held[name]),
                 assumes=((prim.path, name),),
             )
-    idle = [name for name, value in written.items() if any(_parts(value))]
+    idle = [name for name, parts in written.items() if any(parts)]
     if idle and MASS_API not in prim.apis:
         yield Problem(
             prim.path,
