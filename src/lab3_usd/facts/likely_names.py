@@ -41,14 +41,14 @@ def likely_type(written: str, known: Collection[str]) -> str | None:
 def is_unregistered(name: str, platform: Platform) -> bool:
     """Whether a type is surely none of a release: of another one, or a name for one of its own.
 
-    Of any other unknown type nothing is known: somebody else may have it.
+    No name is none, too. Of any other unknown type nothing is known: somebody else may have it.
     """
     known = {*platform.types, *platform.events, *platform.once, *platform.deprecated}
     releases = platform.releases_of(name)
     if name in known or platform.scripts.runs(name) or platform.release in releases:
         return False
     is_meant = name in platform.lookalikes or likely_type(name, platform.types) is not None
-    return bool(releases) or is_meant
+    return not name or bool(releases) or is_meant
 
 
 @cache

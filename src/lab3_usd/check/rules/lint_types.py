@@ -20,7 +20,7 @@ from lab3_usd.model.stage import Node
 
 @rule("K30", "unregistered-type", scope="lint")
 def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
-    """An unregistered node type resembles a registered one.
+    """An unregistered node type resembles a registered one, or a node has no type.
 
     Why: Isaac Sim drops nodes of unknown types when it opens the stage. Type names differ from the
     names of their extensions, and types were renamed and removed. A deprecated type, which Kit may
@@ -33,6 +33,15 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
     Basis: the types that Isaac Sim's source registers. Kit's handling of other types is not public.
     """
     for node in nodes_of_unknown_type(subject.stage, subject.platform):
+        if not node.saved_type:
+            yield Problem(
+                node.path,
+                "the node has no type: Isaac Sim drops it",
+                property=TYPE,
+                expected="the type of the node",
+                rests_on=subject.stage.unknown(node.path),
+            )
+            continue
         successor = subject.platform.deprecated.get(node.type_name)
         if successor is not None:
             yield Problem(
@@ -111,7 +120,8 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     paths_by_type: dict[str, list[str]] = {}
     for node in nodes_of_unknown_type(subject.stage, subject.platform):
         of_release = _other_release(node, subject)
-        if of_release is None or (_likely(node, subject) is None and not of_release):
+        is_known = bool(node.saved_type)
+        if is_known and (of_release is None or (_likely(node, subject) is None and not of_release)):
             paths_by_type.setdefault(node.saved_type, []).append(node.path)
     for name, paths in paths_by_type.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""

@@ -250,6 +250,7 @@ def _running(
         if known is None and is_direct and is_unregistered(node.type, platform):
             # Isaac Sim opens the stage without it.
             reason = f"its type '{node.type}' is not one of Isaac Sim {platform.release}"
+            reason = reason if node.type else "it has no type"
             program.dead.append((node.path, Failure(reason, "unknown-type")))
             continue
         if known is None or function is None or not is_direct:

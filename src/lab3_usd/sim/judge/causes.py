@@ -90,7 +90,9 @@ class RunCauses(Struct, frozen=True):
 
     def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from unknown nodes or missing assets."""
-        if fault.prim in self.unsure or (fault.kind in _AROUND and self.missing):
+        if fault.prim in self.unsure or is_within(fault.prim, self.missing):
+            return True
+        if fault.kind in _AROUND and self.missing:
             return True
         if fault.kind in _OF_ORDER and self._is_by_number():
             return True
