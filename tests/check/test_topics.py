@@ -562,6 +562,14 @@ def test_a_render_product_that_shows_no_camera_publishes_nothing_and_says_why() 
     assert "/World/Product, which shows no camera" in silent.silence
 
 
+def test_nothing_is_sent_in_a_domain_that_ros_2_does_not_have() -> None:
+    stage = m.stage()
+    context = m.valued(m.role(stage, "ros2_context", "ROS_Clock"), "inputs:domain_id", 250)
+    silent = of(m.with_node(stage, context), "ros2_publish_clock")
+    assert not silent.runs
+    assert "ROS 2 has no domain 250" in silent.silence
+
+
 def test_a_context_of_an_unregistered_type_leaves_the_domain_to_the_environment() -> None:
     stage = m.stage()
     context = replace(
