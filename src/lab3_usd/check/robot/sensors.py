@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Container, Iterator
 
 from msgspec import Struct
@@ -68,7 +67,8 @@ def kind_of(spec: SensorSpec) -> str:
     return spec.kind if spec.kind in (LIDAR, CAMERA) else OTHER
 
 
-def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
+@once_per_stage
+def find_sensor(stage: StageModel, lab: Lab, name: str) -> SensorLocation:
     """Find the sensor `name` of the scene file: at its path, else the prim that is meant.
 
     Meant is a prim of the right type that hangs below the robot, or has the name and is used by a
@@ -88,7 +88,7 @@ def find_sensor(lab: Lab, stage: StageModel, name: str) -> SensorLocation:
     alike = [key for key, sensor in lab.sensors.items() if sensor.type == spec.type]
     taken = {lab.sensors[key].path for key in alike if key != name}
     for key in alike[: alike.index(name)]:
-        prim = find_sensor(lab, stage, key).prim
+        prim = find_sensor(stage, lab, key).prim
         taken |= {prim.path} if prim is not None else set()
     candidates = [prim for prim in sensor_candidates(lab, stage, name) if prim.path not in taken]
     if len(candidates) > 1:
@@ -115,7 +115,7 @@ def _used_by_graphs(stage: StageModel) -> frozenset[str]:
 
 def sensor_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
     """Map the path of each sensor that stands elsewhere to the path where it really is."""
-    places = [find_sensor(lab, stage, name) for name in lab.sensors]
+    places = [find_sensor(stage, lab, name) for name in lab.sensors]
     return {
         place.path: place.prim.path
         for place in places
@@ -160,12 +160,12 @@ def candidate_transforms(stage: StageModel, place: SensorLocation) -> list[Matri
     return frames
 
 
-_COPY = r"_\d+$"
-
-
 def is_named(name: str, names: Container[str]) -> bool:
     """Whether a prim has one of these names, or one with the number Isaac Sim adds to a copy."""
-    return name in names or (name[-1:].isdigit() and re.sub(_COPY, "", name) in names)
+    if name in names:
+        return True
+    original, _, number = name.rpartition("_")
+    return number.isdecimal() and original in names
 
 
 def lidars(subject: StageSubject, right: tuple[str, ...] = ()) -> Iterator[Prim]:
@@ -195,12 +195,12 @@ def second_lidars(subject: StageSubject) -> tuple[Prim, ...]:
     One at the path of another sensor is left to the rule of that sensor.
     """
     places = [
-        find_sensor(subject.lab, subject.stage, sensor) for sensor in sensors_of(subject, LIDAR)
+        find_sensor(subject.stage, subject.lab, sensor) for sensor in sensors_of(subject, LIDAR)
     ]
     right = tuple(place.prim.path for place in places if place.prim is not None)
     if not right or len(right) < len(places):
         return ()
-    required = (find_sensor(subject.lab, subject.stage, key) for key in subject.checkpoint.sensors)
+    required = (find_sensor(subject.stage, subject.lab, key) for key in subject.checkpoint.sensors)
     stand_ins = [location.wrong_type_prim for location in required if location.prim is None]
     later = [subject.lab.sensors[name].path for name in later_sensors(subject, LIDAR)]
     return tuple(

@@ -28,7 +28,7 @@ from lab3_usd.check.rules.sensors import (
 )
 from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.model.stage import same_value
+from lab3_usd.model.stage import once_per_stage, same_value
 from lab3_usd.spec.scene import Plain, SensorSpec
 
 
@@ -73,11 +73,15 @@ def camera_type(subject: StageSubject) -> Iterator[Problem]:
     yield from wrong_type_sensors(subject, CAMERA)
 
 
-def _wrong(subject: StageSubject) -> Iterator[tuple[PresentSensor, PoseError | View]]:
-    for camera in present_sensors(subject, CAMERA):
-        if not resets_xform_stack(camera.prim):
-            for error in camera_misfits(subject, camera.spec, camera.place):
-                yield camera, error
+@once_per_stage
+def _wrong(subject: StageSubject) -> tuple[tuple[PresentSensor, PoseError | View], ...]:
+    """Return how the cameras stand and look otherwise than they should."""
+    return tuple(
+        (camera, error)
+        for camera in present_sensors(subject, CAMERA)
+        if not resets_xform_stack(camera.prim)
+        for error in camera_misfits(subject, camera.spec, camera.place)
+    )
 
 
 @rule("C04", "camera-position", scope="stage", demands=sensor_demands(CAMERA, sensor_place))

@@ -116,7 +116,7 @@ class PresentSensor(NamedTuple):
 def present_sensors(subject: StageSubject, kind: str) -> tuple[PresentSensor, ...]:
     """Return the sensors of a kind that the checkpoint asks for and the stage holds."""
     lab = subject.lab
-    places = {name: find_sensor(lab, subject.stage, name) for name in sensors_of(subject, kind)}
+    places = {name: find_sensor(subject.stage, lab, name) for name in sensors_of(subject, kind)}
     return tuple(
         PresentSensor(name, sensor_group(lab, name), lab.sensors[name], place, place.prim)
         for name, place in places.items()
@@ -129,7 +129,7 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     stage = subject.stage
     gone = [path for path in demanded_prims(subject.lab) if stage.prim(path) is None]
     for sensor in sensors_of(subject, kind):
-        location = find_sensor(subject.lab, stage, sensor)
+        location = find_sensor(stage, subject.lab, sensor)
         if location.prim is not None or location.wrong_type_prim is not None:
             continue
         path = location.path
@@ -177,7 +177,7 @@ def misplaced_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
 def wrong_type_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each prim of another type at a sensor's path, where the sensor is nowhere else."""
     for sensor in sensors_of(subject, kind):
-        location = find_sensor(subject.lab, subject.stage, sensor)
+        location = find_sensor(subject.stage, subject.lab, sensor)
         spec = subject.lab.sensors[sensor]
         if location.prim is None and location.wrong_type_prim is not None:
             actual = location.wrong_type_prim.type or "a prim without a type"
@@ -481,7 +481,7 @@ def early_sensor(subject: StageSubject) -> Iterator[Problem]:
 def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
     """Yield each prim of the robot that looks like a sensor of a later checkpoint."""
     lab, stage = subject.lab, subject.stage
-    places = [find_sensor(lab, stage, name) for name in subject.checkpoint.sensors]
+    places = [find_sensor(stage, lab, name) for name in subject.checkpoint.sensors]
     # What stands in the place of a sensor, or is one, is judged as that.
     others = {place.path for place in places}
     others |= {place.prim.path for place in places if place.prim is not None}
