@@ -28,15 +28,16 @@ _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 
 
 class LiveNodes(dict[str, Node]):
-    """Live nodes of a stage by path, and which of them feed their inputs, worked out once."""
+    """Live nodes of a stage by path, and which feed their inputs or trigger them, found once."""
 
-    __slots__ = ("fed", "variables")
+    __slots__ = ("fed", "triggers", "variables")
 
     def __init__(self, nodes: Iterable[Node], variables: Variables) -> None:
         """Take all live nodes of a stage, or some, and the variables of its graphs."""
         super().__init__((node.path, node) for node in nodes)
         self.variables = variables
         self.fed: dict[tuple[str, str], tuple[PortState, _Sources]] = {}
+        self.triggers: dict[str, tuple[Node, _Sources]] = {}
 
 
 @once_per_stage
@@ -319,19 +320,22 @@ def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
     return (source for source, _ in signals(node, nodes))
 
 
-def signals(node: Node, nodes: Nodes) -> Iterator[tuple[Node, str]]:
-    """Yield the outputs that trigger this node, or may where a type is unknown."""
-    for port in signal_inputs(node):
-        for source, source_port in live_sources(node, port, nodes):
-            if source_port.startswith(OUTPUT) and _may_signal(source.type, source_port):
-                yield source, source_port
+def signals(node: Node, nodes: Nodes) -> _Sources:
+    """Return the outputs that trigger this node, or may where a type is unknown."""
+    kept = nodes.triggers if type(nodes) is LiveNodes else {}
+    known = kept.get(node.path)
+    if known is None or known[0] is not node:
+        fed = (live_sources(node, port, nodes) for port in signal_inputs(node))
+        sent = (each for sources in fed for each in sources)
+        known = kept[node.path] = node, tuple(s for s in sent if _may_signal(s[0].type, s[1]))
+    return known[1]
 
 
 @lru_cache(maxsize=1024)
 def _may_signal(kind: NodeType | None, output: str) -> bool:
     """Whether an output gives signals, or it is unknown what it gives."""
     known = kind.port(output) if kind is not None and kind.is_known_port(output) else None
-    return known is None or known.is_execution
+    return output.startswith(OUTPUT) and (known is None or known.is_execution)
 
 
 def unchosen_output(node: Node, live: Nodes) -> str | None:

@@ -414,8 +414,8 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
     """
 
     @wraps(function)
-    def kept(*given: _P.args, **_: _P.kwargs) -> _T:
-        about: Any = given[0]
+    def kept(*given: Any) -> _T:
+        about = given[0]
         if type(about) is not StageModel:  # of its type is none, which `isinstance` is slow to see
             return _once_judged(function, given, about.stage)
         key = (function, *given[1:])
@@ -428,18 +428,18 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
         about.derived[key] = found = function(*given)  # type: ignore[call-arg]  # all are positional
         return found
 
-    return kept
+    return kept  # type: ignore[return-value]  # nobody names an argument
 
 
 def _once_judged(function: Callable[..., _T], given: tuple[Any, ...], stage: StageModel) -> _T:
     """Return what a function of something with a stage returns; a look of the first time counts."""
     key = (function, *given)
-    if key not in stage.judged:
+    known: tuple[_T, bool] | None = stage.judged.get(key)
+    if known is None:
         before = stage.checkpoint_uses
         found = function(*given)
         stage.judged[key] = found, stage.checkpoint_uses != before
         return found
-    known: tuple[_T, bool] = stage.judged[key]
     if known[1]:
         stage.note_checkpoint_use()
     return known[0]
