@@ -119,8 +119,8 @@ def clock() -> GraphModel:
 
 def placed(graph: GraphModel, spec: GraphSpec) -> GraphModel:
     """The graph with its nodes where the spec has them."""
-    nodes = [replace(node, position=spec.nodes[node.name].at) for node in graph.nodes]
-    return replace(graph, nodes=tuple(nodes))
+    at = {node.path: spec.nodes[node.name].at for node in graph.nodes}
+    return replace(graph, nodes=tuple(replace(node, place=at.get) for node in graph.nodes))
 
 
 def texts(picture: Picture) -> list[str]:
@@ -230,7 +230,8 @@ def test_nodes_stand_where_the_editor_has_them() -> None:
 
 def test_nodes_on_top_of_each_other_are_laid_out_anew() -> None:
     graph = clock()
-    heap = replace(graph, nodes=tuple(replace(node, position=(0, 0)) for node in graph.nodes))
+    nodes = tuple(replace(node, place=lambda _: (0, 0)) for node in graph.nodes)
+    heap = replace(graph, nodes=nodes)
     places = [[(box.x, box.y) for box in drawn(each).boxes] for each in (heap, graph)]
     assert places[0] == places[1]
 

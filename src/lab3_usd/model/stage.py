@@ -75,6 +75,10 @@ class PortState(Struct, frozen=True, gc=False):
     targets: tuple[str, ...] = ()
 
 
+def nowhere(_: str) -> None:
+    """Say that the file does not place a node."""
+
+
 class Node(Struct, frozen=True, gc=False):
     """A node prim that is active and defined.
 
@@ -84,7 +88,8 @@ class Node(Struct, frozen=True, gc=False):
     that the file has, or would have, for ports that another release calls otherwise.
     `namespaces` are the namespace attributes of the prim and its ancestors, outermost first,
     `own_namespace` is that of the prim alone. `is_local` tells whether the stage's own layers
-    define the node, rather than an asset.
+    define the node, rather than an asset. `place` reads where the graph editor shows the node with
+    a path, which only pictures and descriptions ask.
     """
 
     path: str
@@ -92,12 +97,17 @@ class Node(Struct, frozen=True, gc=False):
     type: NodeType | None
     version: int | None
     ports: Mapping[str, PortState]
-    position: tuple[float, float] | None = None
+    place: Callable[[str], tuple[float, float] | None] = nowhere
     namespaces: tuple[str, ...] = ()
     own_namespace: str = ""
     is_local: bool = True
     written_type: str = ""
     written_ports: Mapping[str, str] = {}
+
+    @property
+    def position(self) -> tuple[float, float] | None:
+        """Where the graph editor shows the node, None where the file does not say."""
+        return self.place(self.path)
 
     @property
     def saved_type(self) -> str:

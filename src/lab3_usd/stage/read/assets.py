@@ -112,9 +112,11 @@ def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
     What a sublayer of the stage itself would bring may be anywhere; one that an asset lacks
     concerns the prims that refer to the asset, as what a prim lacks those that refer to the prim.
     """
+    errors = stage.GetCompositionErrors()
+    if not errors:
+        return []
     unresolved: set[tuple[str, str, Any, str]] = set()
     lacking: dict[str, set[str]] = {}
-    errors = stage.GetCompositionErrors()
     for prim, error in (*((each.rootSite.path, each) for each in errors), *_again(stage, errors)):
         text, name = str(error), type(error).__name__
         assets = re.findall(_ASSET, text)

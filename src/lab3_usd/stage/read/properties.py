@@ -76,8 +76,8 @@ def _items(value: Any, longest: int) -> Value | None:
     if count > longest:
         return None
     # Iterating over a Vt or Gf type is five to twenty times as slow as asking for its elements.
-    items = (plain_value(value[index]) for index in range(count))
-    return tuple(item for item in items if item is not None)
+    items = [plain_value(value[index]) for index in range(count)]
+    return tuple([item for item in items if item is not None])  # which is quicker of a list
 
 
 def stage_number(value: Any, default: float) -> float:

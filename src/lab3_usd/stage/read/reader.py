@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import lru_cache
+from functools import lru_cache, partial
 from pathlib import Path
 
 from msgspec.structs import replace
 from pxr import Usd
 
+from lab3_usd.errors import StageError
 from lab3_usd.isaac.messages import NAMED, with_fields
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
@@ -141,6 +142,7 @@ class _Scan:
         self._stage = stage
         self._platform = platform
         self._hidden = hidden
+        self._place = partial(_place, stage)
         self._own_layers = stage.GetLayerStack() if hidden else ()
         self.others = PrimIndex()
         self.graphs: dict[str, Usd.Prim] = {}
@@ -201,7 +203,7 @@ class _Scan:
         above: list[str] = []  # the graphs around the prim, innermost last
         for prim in Usd.PrimRange(top, EVERYTHING):
             kind = Usd.Prim.GetTypeName(prim)
-            apis = Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas()
+            apis = Usd.PrimTypeInfo.GetAppliedAPISchemas(Usd.Prim.GetPrimTypeInfo(prim))
             is_node = kind == form.node_type
             path = str(Usd.Prim.GetPath(prim)) if above or is_node else ""
             while above and not f"{path}/".startswith(f"{above[-1]}/"):
@@ -258,7 +260,7 @@ class _Scan:
                 type=_with_fields(kind, ports),
                 version=version if isinstance(version, int) else None,
                 ports=ports,
-                position=_pair(properties[_POSITION].value()) if _POSITION in names else None,
+                place=self._place,
                 namespaces=namespaces,
                 own_namespace=own,
                 is_local=not self._hidden or is_defined_in(prim, self._own_layers),
@@ -343,7 +345,9 @@ def _written_ports(
     properties: AuthoredProperties, others: Mapping[str, OtherName]
 ) -> dict[str, str]:
     """Return the ports of a prim that it has under names of other releases, with these."""
-    names = properties.names() if others else ()
+    if not others:
+        return {}
+    names = properties.names()
     return {other.name: name for name, other in others.items() if name in names}
 
 
@@ -434,7 +438,14 @@ def _text(value: Value | None) -> str:
     return str(value or "")
 
 
-def _pair(value: Value | None) -> tuple[float, float] | None:
+def _place(stage: Usd.Stage, path: str) -> tuple[float, float] | None:
+    """Return where a graph editor shows a node; a picture does without if the file is damaged."""
+    prim = stage.GetPrimAtPath(path)
+    try:
+        with stage_errors(path):
+            value = AuthoredProperties(prim)[_POSITION].value() if prim else None
+    except StageError:
+        return None
     if not isinstance(value, tuple) or len(value) != 2:  # noqa: PLR2004 - x and y
         return None
     x, y = value

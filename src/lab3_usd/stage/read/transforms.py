@@ -162,10 +162,11 @@ def _orientation(value: Any) -> Matrix:
 
     As in Gf, the imaginary part gives the axis and the real part the angle, whatever the length.
     """
-    w, (x, y, z) = max(-1.0, min(1.0, float(value.real))), _vector(value.imaginary)
+    x, y, z = _vector(value.imaginary)
     length = math.sqrt(x * x + y * y + z * z)
     if length <= _SHORTEST:
         return IDENTITY
+    w = max(-1.0, min(1.0, float(value.real)))
     part = math.sqrt(1.0 - w * w) / length
     x, y, z = x * part, y * part, z * part
     return (
