@@ -57,6 +57,14 @@ def test_cut_wires_are_found_beside_a_missing_sublayer(tmp_path: Path) -> None:
     assert errors(result) == {("K01", "/World/Clock/clock"), ("K10", "/World/Clock/clock")}
 
 
+def test_a_body_that_a_missing_asset_may_hold_is_not_said_to_be_missing(tmp_path: Path) -> None:
+    stage = rover()
+    stage.DefinePrim("/World/Part").GetReferences().AddReference("./part.usda")
+    joint = stage.GetPrimAtPath("/World/Rover/left_wheel_joint")
+    joint.GetRelationship("physics:body0").SetTargets(["/World/Part/link"])
+    assert "K61" not in {rule for rule, _ in errors(result_of(stage, tmp_path))}
+
+
 def test_cut_wires_are_found_below_a_missing_robot(tmp_path: Path) -> None:
     stage = rover_of_a_missing_asset()
     graph = f"{ROVER}/Graph"
