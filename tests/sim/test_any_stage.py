@@ -255,6 +255,14 @@ def test_odometry_that_is_computed_twice_in_an_update_has_each_stamp_twice(tmp_p
     assert (check.verdict, check.prim) == ("bad", "/World/Odometry/odometry")
 
 
+@pytest.mark.parametrize(("output", "verdict"), [("frame", "bad"), ("time", "ok")])
+def test_a_clock_counts_seconds(tmp_path: Path, output: str, verdict: str) -> None:
+    stage = rover()
+    stamp = stage.GetAttributeAtPath("/World/Clock/clock.inputs:timeStamp")
+    stamp.SetConnections([f"/World/Clock/tick.outputs:{output}"])
+    assert by_name(played(stage, tmp_path))["clock"].verdict == verdict
+
+
 @pytest.mark.parametrize(("output", "verdict"), [("once", "bad"), ("after", "ok")])
 def test_a_single_signal_only_opens_a_topic(tmp_path: Path, output: str, verdict: str) -> None:
     stage, graph = rover(), "/World/Clock"

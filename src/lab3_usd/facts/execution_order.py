@@ -449,31 +449,31 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
 
 def _given(node: Node, live: Nodes, depth: int) -> Value | None:
     """Return the value that a node gives, None where it is unknown."""
-    kind = node.type
-    if kind is not None and kind.picks:
-        by, *picked = kind.picks
-        chosen = effective_value(node, by, live, depth)
+    if (kind := node.type) is None:
+        return None
+    if kind.multiplies:
+        values = [effective_value(node, port, live, depth) for port in node.ports if INPUT in port]
+        return 0.0 if any(type(value) in (int, float) and not value for value in values) else None
+    if kind.picks:
+        chosen = effective_value(node, kind.picks[0], live, depth)
         known = isinstance(chosen, bool)
-        return effective_value(node, picked[bool(chosen)], live, depth) if known else None
-    if kind is not None and kind.element:
+        return effective_value(node, kind.picks[1 + bool(chosen)], live, depth) if known else None
+    if kind.element:
         array = listed_value(node, kind.element[0], live, depth)
         at = effective_value(node, kind.element[1], live, depth)
         if isinstance(array, tuple) and isinstance(at, int) and -len(array) <= at < len(array):
             return array[at]
         return None
-    if kind is not None and kind.variable:
-        return _variable(node, kind.variable, live, depth)
-    return _text_of(node, live, depth)
+    return (_variable if kind.variable else _text_of)(node, kind, live, depth)
 
 
-def _variable(node: Node, ports: tuple[str, ...], live: Nodes, depth: int) -> Value | None:
+def _variable(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:
     """Return the value of a variable that no node sets, None for another one."""
-    name, graph, path = ports
+    name, graph, path = kind.variable
     if type(live) is not LiveNodes or node.sources(path) or node.value(path):
         return None
-    owner = next(iter(node.targets(graph)), node.path.rpartition("/")[0])
-    full_name = f"{VARIABLE}{effective_value(node, name, live, depth)}"
-    return live.variables.get(owner, {}).get(full_name)
+    own = live.variables.get(next(iter(node.targets(graph)), node.path.rpartition("/")[0]), {})
+    return own.get(f"{VARIABLE}{effective_value(node, name, live, depth)}")
 
 
 def listed_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | None:
@@ -491,9 +491,9 @@ def listed_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | 
     return None if None in items else tuple(item for item in items if item is not None)
 
 
-def _text_of(node: Node, live: Nodes, depth: int) -> str | None:
+def _text_of(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:
     """Return the text that a node makes of its inputs, None for another node or an unknown text."""
-    parts = () if node.type is None else node.type.text_of
+    parts = kind.text_of
     is_more = any(name.startswith(INPUT) and name not in parts for name in node.ports)
     values = [effective_value(node, part, live, depth) for part in parts]
     texts = [str(value) for value in values if type(value) in (str, int)]

@@ -143,7 +143,8 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     comes into its inputs `same_in_metres` as it is. It gives the texts of its inputs `text_of`, one
     after the other, the second or third input of `picks` while the first is False or True, and of
     the first input of `element` the item that the second numbers. It reads or, with a signal, sets
-    a `variable`: the inputs that name it, its graph, and the path of that. It signals at one of two
+    a `variable`: the inputs that name it, its graph, and the path of that. It gives the product of
+    its inputs if it `multiplies`. It signals at one of two
     outputs after its `choice`. One that
     `grows_by_message` has its fields as ports, too, and one that `grows` has each port whose name
     fits one of these patterns, in full.
@@ -178,6 +179,7 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     picks: tuple[str, ...] = ()
     element: tuple[str, ...] = ()
     variable: tuple[str, ...] = ()
+    multiplies: bool = False
     choice: Choice | None = None
     grows_by_message: bool = False
     grows: Mapping[str, Port] = field(default_factory=dict)

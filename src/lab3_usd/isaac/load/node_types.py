@@ -91,6 +91,7 @@ class TypeEntry(Struct, forbid_unknown_fields=True):
     picks: tuple[str, ...] = ()
     element: tuple[str, ...] = ()
     variable: tuple[str, ...] = ()
+    multiplies: bool = False
     choice: Choice | None = None
     grows_by_message: bool = False
     grows: dict[str, str | PortEntry] = {}
@@ -189,6 +190,7 @@ def _node_type(
         picks=_named(entry.picks, INPUT, ports, f"{where}: picks"),
         element=_named(entry.element, INPUT, ports, f"{where}: element"),
         variable=_named(entry.variable, INPUT, ports, f"{where}: variable"),
+        multiplies=entry.multiplies,
         choice=_choice(entry.choice, ports, f"{where}: choice"),
         grows_by_message=entry.grows_by_message,
         grows={
