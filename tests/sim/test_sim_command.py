@@ -231,6 +231,10 @@ def test_the_robot_of_the_lab_is_driven_whatever_stands_beside_it(tmp_path: Path
     beside: list[Step] = [
         {"copy": [ROBOT, "/Another"]},
         {"remove": "/Another/ROS_Drive"},
+        # with a wheel more, so that it has the most joints
+        {"copy": ["/Another/wheel_left_link", "/Another/wheel"]},
+        {"copy": ["/Another/joints/wheel_left_joint", "/Another/joints/wheel"]},
+        {"targets": ["/Another/joints/wheel.physics:body1", "/Another/wheel"]},
         {"declare": ["/Another.xformOp:translate", "double3", [3.0, 2.0, 0.0]]},
     ]
     assert not bad(behaviour(saved(broken("02", beside), tmp_path, "Lab3_02.usda")))
