@@ -233,7 +233,7 @@ def _line(finding: Finding) -> str:
     help="With --lint: judge by this release of Isaac Sim.",
 )
 @click.option("--diff", is_flag=True, help="Print the changes, and write nothing.")
-@click.option("--unsafe", is_flag=True, help="Also add, remove and move prims.")
+@click.option("--unsafe", is_flag=True, help="Also add, remove and move prims, and what is likely.")
 @click.option(
     "--output", "-o", type=click.Path(path_type=Path), help="Write the repaired stage here."
 )
