@@ -71,6 +71,18 @@ def test_what_comes_out_of_an_unknown_node_is_no_fault() -> None:
     assert faulty(stage) == {"topics"}
 
 
+def test_nothing_is_sent_under_a_name_that_is_not_known() -> None:
+    stage = correct_stage("02")
+    node_of(stage, f"{CLOCK}/name", "my.Name").CreateAttribute(
+        "outputs:name", Sdf.ValueTypeNames.String
+    )
+    topic = stage.GetAttributeAtPath(f"{CLOCK}/ros2_publish_clock.inputs:topicName")
+    topic.SetConnections([f"{CLOCK}/name.outputs:name"])
+    sent = driven(stage, SHORT).recording.messages
+    assert "/clock" not in {message.topic for message in sent}
+    assert "topics" not in faulty(stage)
+
+
 def test_which_of_two_sources_counts_is_not_known() -> None:
     speed = f"{DRIVE}/differential_controller.inputs:angularVelocity"
     stage = correct_stage("05")
