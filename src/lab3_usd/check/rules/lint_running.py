@@ -300,6 +300,7 @@ def _never_chosen(node: Node, subject: LintSubject) -> Iterator[Problem]:
             f"{choice.by} is always {chosen}: no signal reaches "
             f"{', '.join(target.name for target in waiting)}",
             property=choice.by,
+            expected="a value that changes",
             actual=chosen,
             related=tuple(target.path for target in waiting),
             severity="warning",
