@@ -91,6 +91,8 @@ def test_what_runs_in_other_stages_of_the_pipeline_is_not_simulated(tmp_path: Pa
     unknown = {each.prim for each in found.not_simulated}
     assert unknown == {"/World/Odometry", "/World/Clock/tick"}
     assert bad(found) == set()
+    assert by_name(found)["topics"].verdict == "not judged"
+    assert found.verdict == "not judged"
 
 
 def test_what_an_unknown_evaluator_does_is_not_simulated(tmp_path: Path) -> None:
@@ -253,6 +255,15 @@ def test_odometry_that_is_computed_twice_in_an_update_has_each_stamp_twice(tmp_p
     start.AddConnection("/World/Odometry/again.outputs:tick")
     check = by_name(played(stage, tmp_path))["stamps"]
     assert (check.verdict, check.prim) == ("bad", "/World/Odometry/odometry")
+
+
+def test_an_inertial_message_without_what_it_measures_is_wrong(tmp_path: Path) -> None:
+    stage = arm()
+    velocity = stage.GetAttributeAtPath("/ActionGraph/publish_imu.inputs:angularVelocity")
+    velocity.ClearConnections()
+    check = by_name(played(stage, tmp_path))["graphs"]
+    assert (check.verdict, check.prim) == ("bad", "/ActionGraph/publish_imu")
+    assert "angularVelocity" in check.text
 
 
 @pytest.mark.parametrize(("output", "verdict"), [("frame", "bad"), ("time", "ok")])

@@ -5,8 +5,7 @@ Nothing of a lab is asked. Each robot is driven by its own commands, in a play o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterable, Iterator, Sequence
-from itertools import pairwise
+from collections.abc import Callable, Iterable, Iterator, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -28,11 +27,10 @@ from lab3_usd.sim.commands import (
 )
 from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.execution.recording import Message, Recording, Scan
-from lab3_usd.sim.execution.world import NOT_OPENED, standing_of
-from lab3_usd.sim.judge.causes import DRIVEN, SUBSCRIBER, RunCauses
+from lab3_usd.sim.execution.world import standing_of
+from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.expectations import (
-    Cause,
     Expected,
     RunFault,
     Trial,
@@ -56,15 +54,24 @@ from lab3_usd.sim.robots import (
     robots_of,
     scene_for,
 )
+from lab3_usd.sim.streams import (
+    CLOCK,
+    TRANSFORMS,
+    advancing,
+    closed,
+    published,
+    publishers,
+    repeated,
+    stamped,
+    unheard_clock,
+    unplayed,
+)
 from lab3_usd.sim.timeline import record, uncollected
 
-CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 THROUGH = 0.02  # part of a range by which a ray may be longer
-STUCK = 0.1  # part of the stamps of a node that may be no later than the ones before
 HASTE = 10.0  # times that a clock may run faster than the simulation, or slower
 REPEATED = 4  # times that a transform comes which is no static one
-PUBLISHING = ("publisher", "helper")
 # What a node says of commands for another robot, of the value of a moment, or of its own switch.
 _PASSING: tuple[FaultKind, ...] = (
     "wrong-topic", "wrong-domain", "no-number-input", "switched-off",
@@ -214,12 +221,12 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     recording = trial.recording
     if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
         yield verdict("graphs", list(graphs(trial)), trial)
-    if any(_publishers(trial)) or any(_closed(trial)):
-        faults = [*published(trial), *repeated(trial), *_closed(trial)]
+    if any(publishers(trial)) or any(closed(trial)) or any(unplayed(trial)):
+        faults = [*published(trial), *repeated(trial), *closed(trial)]
         faults += hears_itself(trial, robots)
         faults += of_another(trial, robots)
         yield verdict("topics", faults, trial)
-    if any(_stamped(trial)):
+    if any(stamped(trial)):
         yield verdict("stamps", list(advancing(trial)), trial)
     if any(message.type == CAMERA_INFO for message in recording.messages):
         yield verdict("camera", list(pairs(trial)), trial)
@@ -245,102 +252,6 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
             check = verdict("tree", list(one_tree(seen, count)), seen)
         several = sum(topic[0] == kind for topic in topics) > 1
         yield replace(check, of=f"{topic} in domain {domain}" if several else "")
-
-
-def unheard_clock(seen: Trial, topics: Collection[tuple[str, int, str]]) -> Iterator[RunFault]:
-    """Yield the clock of a domain that is not where programs listen: where its node has it.
-
-    rclcpp subscribes to /clock in no namespace (rclcpp/src/rclcpp/time_source.cpp, humble).
-    """
-    message = seen.recording.messages[0]
-    node = (
-        seen.causes.program.nodes.get(message.node) if isinstance(seen.causes, RunCauses) else None
-    )
-    usual = node.type.port(node.type.topics[0]) if node is not None else None
-    heard = f"/{usual.default}" if usual is not None else message.topic
-    if message.topic != heard and (CLOCK, seen.wanted.domain, heard) not in topics:
-        text = f"the clock is on {message.topic}, and programs with use_sim_time listen to {heard}"
-        yield RunFault(text, "wrong-topic", message.node)
-
-
-def _publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:
-    """Yield the nodes that are to publish, each with what keeps it from doing so."""
-    causes = trial.causes
-    if not isinstance(causes, RunCauses):
-        return
-    for node in causes.program.nodes.values():
-        cause = causes.broken(node) if node.type.role in PUBLISHING else None
-        if cause is None and 0 < node.count <= len(trial.drive):
-            reason = "its only signal opened its topic"
-            cause = Cause(node.path, reason, "not-executed")
-        if node.type.role in PUBLISHING and (cause is None or cause.kind != "switched-off"):
-            yield node.path, cause
-
-
-def published(trial: Trial) -> Iterator[RunFault]:
-    """Every publisher that is not switched off sends."""
-    sent = {message.node for message in trial.recording.messages}
-    for path, cause in _publishers(trial):
-        if path in sent:
-            continue
-        if cause is None:
-            yield RunFault(f"{path} sends nothing", "silent-topic", path, sure=False)
-        else:
-            kind = cause.kind or "silent-topic"
-            yield RunFault(f"{path} sends nothing", kind, cause.prim, cause.reason)
-
-
-def repeated(trial: Trial) -> Iterator[RunFault]:
-    """One node sends the messages of a type that come on a topic, but transforms."""
-    senders: dict[tuple[str, str, int], dict[str, None]] = {}
-    for message in trial.recording.messages:
-        if message.type != TRANSFORMS:
-            key = (message.topic, message.type, domain_of(message, trial))
-            senders.setdefault(key, {})[message.node] = None
-    for (topic, _, _), nodes in senders.items():
-        if len(nodes) > 1:
-            text = f"{len(nodes)} nodes publish {topic}"
-            yield RunFault(text, "duplicate-publisher", [*nodes][1])
-
-
-def _closed(trial: Trial) -> Iterator[RunFault]:
-    """Yield the subscribers that are never opened, or never run."""
-    causes = trial.causes
-    if not isinstance(causes, RunCauses):
-        return
-    for node in causes.program.nodes.values():
-        if SUBSCRIBER not in node.type.role:
-            continue
-        text, cause = f"{node.path} receives nothing", causes.broken(node)
-        if node.failure is not None and node.failure.kind in NOT_OPENED:
-            yield RunFault(text, node.failure.kind, node.path, node.failure.reason)
-        elif cause is not None and cause.kind == "not-executed":
-            yield RunFault(text, cause.kind, cause.prim, cause.reason)
-
-
-def _stamped(trial: Trial) -> Iterator[tuple[str, list[Message]]]:
-    """Yield the nodes whose messages have stamps, with those of a topic of the first session."""
-    sent: dict[tuple[str, str], list[Message]] = {}
-    for message in trial.recording.messages:
-        if not (message.session or message.static or message.type == CLOCK):
-            sent.setdefault((message.node, message.topic), []).append(message)
-    yield from ((node, messages) for (node, _), messages in sent.items() if len(messages) > 1)
-
-
-def advancing(trial: Trial) -> Iterator[RunFault]:
-    """Later messages of a node have later stamps; from when these count, is up to the stage."""
-    for node, messages in _stamped(trial):
-        # Transforms that come again are dropped by whoever hears them.
-        pairs = [
-            (one, two)
-            for one, two in pairwise(messages)
-            if two.at > one.at or two.type != TRANSFORMS
-        ]
-        stuck = [two for one, two in pairs if two.stamp <= one.stamp]
-        if len(stuck) > STUCK * len(pairs):
-            text = f"{len(stuck)} of {len(pairs)} stamps of {stuck[0].topic} are not later than the"
-            text += f" one before: {stuck[0].stamp:.2f} s"
-            yield RunFault(text, "stamp-not-advancing", node)
 
 
 def running_clock(trial: Trial) -> Iterator[RunFault]:

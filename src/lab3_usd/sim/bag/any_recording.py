@@ -17,7 +17,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import RecordingError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Unknown
-from lab3_usd.sim.any_stage import CLOCK, TRANSFORMS, one_tree, running_clock
+from lab3_usd.sim.any_stage import one_tree, running_clock
 from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.decoder import is_read
 from lab3_usd.sim.bag.judge import (
@@ -44,6 +44,7 @@ from lab3_usd.sim.judge.checks import whole_verdict
 from lab3_usd.sim.judge.expectations import PHYSICAL, Expected, RunFault, Trial
 from lab3_usd.sim.judge.motion import follows, moving_frames, rest
 from lab3_usd.sim.robots import NO_LIMITS, ODOMETRY, STEERING, TWIST, expected_of
+from lab3_usd.sim.streams import CLOCK, TRANSFORMS
 
 SCAN = "sensor_msgs/msg/LaserScan"
 SLOW = 5.0  # times the usual pause of a transform, from which on it is missing

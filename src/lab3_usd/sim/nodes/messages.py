@@ -76,14 +76,30 @@ def _gravity(world: World) -> Vector:
     return (-x * size, -y * size, -z * size)
 
 
+_MEASURED = ("orientation", "angularVelocity", "linearAcceleration")
+
+
+def _unmeasured(node: NodeInstance, world: World) -> list[str]:
+    """Return what is published without that it comes from anywhere: zeros, or no rotation."""
+    on = [name for name in _MEASURED if node.flag(f"publish{name[0].upper()}{name[1:]}", world)]
+    values = {name: node.numbers(name, world) for name in on if name not in node.fed}
+    return [
+        name for name, value in values.items() if sum(map(bool, value)) <= (len(value) > len("xyz"))
+    ]
+
+
 @computes("ROS2PublishImu")
 def publish_imu(node: NodeInstance, world: World) -> bool:
-    """RN/nodes/OgnROS2PublishImu.cpp:30-150: what is not published says so by a covariance."""
+    """RN/nodes/OgnROS2PublishImu.cpp:30-150: what is not published says so by a covariance.
+
+    What nothing measures is sent all the same.
+    """
     endpoint, ready = opened_endpoint(node, world)
     if endpoint is None:
         return False
     if not ready:
         node.memory["frame"] = node.text("frameId", world)
+        node.memory["unmeasured"] = ", ".join(_unmeasured(node, world))
         return True
     data = Inertia(
         wxyz(node, "orientation", world) if node.flag("publishOrientation", world) else None,
@@ -96,7 +112,8 @@ def publish_imu(node: NodeInstance, world: World) -> bool:
     )
     stamp = node.stamp(world)
     send(node, world, endpoint, Message("sensor_msgs/msg/Imu", stamp, node.memory["frame"], data))
-    return True
+    lost = node.memory["unmeasured"]
+    return not lost or node.fails(f"{lost} never changes: nothing reaches it", "no-vector-input")
 
 
 _NAMED = ("messagePackage", "messageSubfolder", "messageName")
