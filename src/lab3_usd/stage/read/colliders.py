@@ -12,7 +12,13 @@ from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims, upwards
 from lab3_usd.model.transforms import scale_of
 from lab3_usd.stage.read.opening import stage_errors
 from lab3_usd.stage.read.prims import PrimReader
-from lab3_usd.stage.read.properties import CENTIMETRES, authored_data, elements, stage_number
+from lab3_usd.stage.read.properties import (
+    CENTIMETRES,
+    authored_data,
+    elements,
+    prim_at,
+    stage_number,
+)
 from lab3_usd.stage.read.transforms import TransformCache
 
 _Corner = tuple[float, float, float]
@@ -82,7 +88,7 @@ class StageColliders(Colliders):
             for path in paths:
                 if path not in self._colliders:
                     if path not in self._boxes:
-                        self._measure(self._reader.stage.GetPrimAtPath(path), path)
+                        self._measure(prim_at(self._reader.stage, path), path)
                     self._colliders[path] = self._in_metres(path, self._boxes[path])
         return [box for path in paths if (box := self._colliders[path]) is not None]
 

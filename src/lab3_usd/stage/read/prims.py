@@ -18,7 +18,12 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import NameFilter, Prim, Prims, name_matches, of_any_name
 from lab3_usd.stage.read.assets import IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
-from lab3_usd.stage.read.properties import MOST_EMITTERS, AuthoredProperties, plain_value
+from lab3_usd.stage.read.properties import (
+    MOST_EMITTERS,
+    AuthoredProperties,
+    plain_value,
+    prim_at,
+)
 from lab3_usd.stage.read.transforms import TransformCache, is_placeless
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name
@@ -78,7 +83,7 @@ class PrimReader:
             StageError: the file is damaged there.
         """
         with stage_errors(self.name):
-            source = self.stage.GetPrimAtPath(prim.path)
+            source = prim_at(self.stage, prim.path)
             if name not in _PLACE:
                 self._read_values(source, prim)
             elif source and (prim.type in self.placed or RIGID_BODY in prim.apis):

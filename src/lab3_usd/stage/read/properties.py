@@ -188,6 +188,17 @@ def _text(value: Any) -> str:
     return "another value" if known is None else str(known)
 
 
+def prim_at(stage: Usd.Stage, path: str) -> Usd.Prim:
+    """Return the prim at a path that some prim has, an invalid one where this stage has none."""
+    return stage.GetPrimAtPath(_path_of(path))
+
+
+@lru_cache(maxsize=4096)
+def _path_of(path: str) -> Sdf.Path:
+    """Return the path of a prim, which usd-core takes longer to make of text than to follow."""
+    return Sdf.Path(path)
+
+
 def authored_data(prim: Usd.Prim, name: str) -> Any:
     """Return the value that a layer gives to one attribute of a prim, None where none does."""
     attribute = Usd.Prim.GetAttribute(prim, name)

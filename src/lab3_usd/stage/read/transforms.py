@@ -8,7 +8,7 @@ tuples: converting one of Gf's takes longer than composing two.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import lru_cache
 from struct import Struct
 from typing import Any
@@ -21,6 +21,8 @@ from lab3_usd.stage.read.properties import authored_data, elements
 
 ORDER = "xformOpOrder"
 RESET = "!resetXformStack!"
+_USUAL = ("xformOp:translate", "xformOp:orient", "xformOp:scale")
+_USUAL_ORDER = Vt.TokenArray(_USUAL)
 _INVERSE = "!invert!"
 _SIXTEEN = Struct("16d")
 _SHORTEST = 1e-10  # length of an axis that is one, as in Gf
@@ -100,9 +102,7 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:
     One without a value, or of a kind that USD does not have, moves nothing.
     """
     matrix, is_reset = IDENTITY, False
-    # Iterating over a Vt type is five times as slow as asking for its elements.
-    for index in range(len(order) if isinstance(order, Vt.TokenArray) else 0):
-        name = order[index]
+    for name in _names(order):
         if name == RESET:
             matrix, is_reset = IDENTITY, True
             continue
@@ -114,6 +114,16 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:
             operation = _matrix(Gf.Matrix4d(*operation).GetInverse())
         matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
     return matrix, is_reset
+
+
+def _names(order: Any) -> Sequence[str]:
+    """Return the operations of an order, most often those that Isaac Sim writes."""
+    if not isinstance(order, Vt.TokenArray):
+        return ()
+    if order == _USUAL_ORDER:
+        return _USUAL
+    # Iterating over a Vt type is five times as slow as asking for its elements.
+    return [order[index] for index in range(len(order))]
 
 
 @lru_cache(maxsize=1024)
