@@ -10,7 +10,7 @@ from lab3_usd.facts.execution_order import (
     event_of,
     live_sources,
     run_states,
-    signal_sources,
+    signals,
 )
 from lab3_usd.facts.render_products import sensor_of
 from lab3_usd.facts.sensor_values import values_of
@@ -62,13 +62,12 @@ def _rate(prim: Prim, platform: Platform, stage: StageModel) -> float:
 def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:
     """Yield the names of the events that the node's execution comes from, each once."""
     seen = {node.path}
-    ahead = [node]
-    while ahead:
-        current = ahead.pop(0)
-        senders = list(signal_sources(current, running))
+    for current in (ahead := [node]):
+        senders = signals(current, running)
         if event_of(current, platform) is not None or (current is not node and not senders):
             known = current.type
             yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
-        new = [source for source in senders if source.path not in seen]
-        seen.update(source.path for source in new)
-        ahead.extend(new)
+        for source, _ in senders:
+            if source.path not in seen:
+                seen.add(source.path)
+                ahead.append(source)

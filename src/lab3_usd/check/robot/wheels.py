@@ -13,6 +13,7 @@ from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
     live_nodes,
+    nodes_of,
     running_nodes,
 )
 from lab3_usd.isaac.node_types import DrivePorts
@@ -197,15 +198,13 @@ def second_commanders(subject: RobotSubject) -> Iterator[tuple[Node, str]]:
     a copy of the graph.
     """
     stage, lab, roles = subject.stage, subject.lab, subject.roles
-    live = live_nodes(stage, lab.platform)
+    live, running = live_nodes(stage, lab.platform), running_nodes(stage, lab.platform)
+    driving = {node.path: node for node in nodes_of(lambda kind: kind.drives, stage, lab.platform)}
     own = {
-        path: name
-        for name, players in roles.items()
-        for path in players.role_of
-        if path in live and _drives(live[path]) is not None
+        path: name for name, players in roles.items() for path in players.role_of if path in driving
     }
-    for path, node in running_nodes(stage, lab.platform).items() if own else ():
-        if _drives(node) is None:
+    for path, node in driving.items() if own else ():
+        if path not in running:
             continue
         is_stand_in = any(path in players.equivalents for players in roles.values())
         if path in own or is_stand_in or not _commands_wheels(node, subject, live):
