@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta, Struct
@@ -121,7 +122,7 @@ class JointSpec(Struct, frozen=True, forbid_unknown_fields=True):
         return {name: value for name, value in values.items() if value is not None}
 
 
-class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
+class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True, dict=True):
     """A robot; after the checkpoint `pose_is_error_until` it may have driven.
 
     `base_frame` is the link whose frame odometry moves, the robot itself without one. `links` are
@@ -169,7 +170,7 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True):
         """The path of the link that is the base."""
         return self.path_of(self.base_frame)
 
-    @property
+    @cached_property
     def link_paths(self) -> tuple[str, ...]:
         """The paths of the links."""
         return tuple(map(self.path_of, self.links))

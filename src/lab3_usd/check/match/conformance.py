@@ -63,7 +63,7 @@ def targets_handout_prims(node: Node, target: Target) -> bool:
 
 def targets_prims(node: Node, target: Target, prims: Sequence[str]) -> bool:
     """Whether the relationship names exactly these prims, in any order."""
-    return sorted(set(node.targets(target.port))) == sorted(set(prims))
+    return set(node.targets(target.port)) == set(prims)
 
 
 def wrong_product(
