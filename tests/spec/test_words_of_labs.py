@@ -71,20 +71,20 @@ def _said(lab: Path, stages: list[Path], folder: Path) -> Iterator[tuple[str, st
     (student / "output").mkdir()
     (student / "output" / "topics.txt").write_text("$ ros2 topic list\n/rosout\n")
     last = student / "stages" / stages[-1].name
-    yield "check", ran("check", "--verbose", student)
-    for form in ("html", "json"):
-        yield f"check --format {form}", ran("check", "--format", form, student)
     with kept_open():
+        yield "check", ran("check", "--verbose", student)
+        for form in ("html", "json"):
+            yield f"check --format {form}", ran("check", "--format", form, student)
         for form in (name for name in FORMATS if name not in {"html", "json"}):
             yield f"check --format {form}", ran("check", "--format", form, last)
         for command in ("tf", "topics"):
             yield command, ran(command, last)
+        yield "sim", ran("sim", last, "--drive", BRIEFLY, "--page", folder / "sim.html")
+        yield "sim --format json", ran("sim", "--drive", BRIEFLY, "--format", "json", last)
+        ran("draw", last, "--out", folder / "pictures")
+        yield "diff", ran("diff", stages[0], last)
     yield "fix", ran("fix", last)
-    yield "sim", ran("sim", last, "--drive", BRIEFLY, "--page", folder / "sim.html")
-    yield "sim --format json", ran("sim", "--drive", BRIEFLY, "--format", "json", last)
-    ran("draw", last, "--out", folder / "pictures")
     ran("collect", "-o", folder / "collect.sh")
-    yield "diff", ran("diff", stages[0], last)
     yield "lab check", ran("lab", "check")
     with workers_here():
         ran("grade", folder / "class", "--starter", stages[0], "-o", folder / "book")
