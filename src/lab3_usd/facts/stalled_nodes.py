@@ -108,8 +108,8 @@ def _is_on(node: Node, name: str) -> bool:
 def is_given(node: Node, name: str, live: Nodes) -> bool:
     """Whether an input is wired, names a prim, or holds more than nothing.
 
-    A wire counts, but from a constant that is nothing itself: another rule says where a wire leads
-    to no node.
+    A wire counts, also one that leads to no node, but not one from a constant that is nothing
+    itself.
     """
     port = INPUT + name
     state = node.state(port)

@@ -144,8 +144,7 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     after the other, the second or third input of `picks` while the first is False or True, and of
     the first input of `element` the item that the second numbers. It reads or, with a signal, sets
     a `variable`: the inputs that name it, its graph, and the path of that. It gives the product of
-    its inputs if it `multiplies`. It signals at one of two
-    outputs after its `choice`. One that
+    its inputs if it `multiplies`, and signals at one of two outputs after its `choice`. One that
     `grows_by_message` has its fields as ports, too, and one that `grows` has each port whose name
     fits one of these patterns, in full.
     Of one that `is_open` only some ports are known. What is known of one that `is_documented` is
