@@ -74,11 +74,26 @@ def test_a_tick_with_a_frame_period_comes_less_often(tmp_path: Path) -> None:
     assert (round(rates["/odom"]), round(rates["/clock"])) == (10, 60)
 
 
-def test_the_transform_of_a_base_that_is_sent_once_does_not_move(tmp_path: Path) -> None:
+@pytest.mark.parametrize("topic", ["tf", "tf_static"])
+def test_the_transform_of_a_base_that_is_sent_once_does_not_move(
+    tmp_path: Path, topic: str
+) -> None:
     stage = rover()
     transform = stage.GetPrimAtPath("/World/Odometry/transform")
+    transform.CreateAttribute("inputs:topicName", Sdf.ValueTypeNames.String).Set(topic)
     transform.CreateAttribute("inputs:staticPublisher", Sdf.ValueTypeNames.Bool).Set(True)  # noqa: FBT003 - pxr takes it so
     assert bad(played(stage, tmp_path, drive=FIXED)) == {"moving frames"}
+
+
+def test_a_render_product_whose_path_is_written_is_played(tmp_path: Path) -> None:
+    stage = rover()
+    product = stage.DefinePrim("/World/Product", "RenderProduct")
+    product.CreateRelationship("camera").SetTargets([f"{ROBOT}/chassis/eye"])
+    path = stage.GetAttributeAtPath("/World/Camera/helper.inputs:renderProductPath")
+    path.ClearConnections()
+    path.Set("/World/Product")
+    rates = {topic.name: topic.hz for topic in played(stage, tmp_path).topics}
+    assert rates["/rgb"] > 0
 
 
 def test_what_runs_in_other_stages_of_the_pipeline_is_not_simulated(tmp_path: Path) -> None:
