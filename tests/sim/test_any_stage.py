@@ -272,6 +272,14 @@ def test_odometry_that_is_computed_twice_in_an_update_has_each_stamp_twice(tmp_p
     assert (check.verdict, check.prim) == ("bad", "/World/Odometry/odometry")
 
 
+def test_a_robot_whose_articulation_root_is_a_wheel_drives_the_same(tmp_path: Path) -> None:
+    stage = walled_rover()
+    stage.GetPrimAtPath(f"{ROBOT}/chassis").RemoveAppliedSchema("PhysicsArticulationRootAPI")
+    add_api(stage.GetPrimAtPath(f"{ROBOT}/left_wheel"), "PhysicsArticulationRootAPI")
+    found = by_name(played(stage, tmp_path, drive=FIXED))
+    assert {found[name].verdict for name in MOVED} == {"ok"}
+
+
 def test_an_inertial_message_without_what_it_measures_is_wrong(tmp_path: Path) -> None:
     stage = arm()
     velocity = stage.GetAttributeAtPath("/ActionGraph/publish_imu.inputs:angularVelocity")

@@ -140,7 +140,7 @@ def assembled(bodies: dict[str, ScenePrim], joints: list[Joint]) -> list[Machine
     for joint in joints:
         for body in dict.fromkeys(filter(None, joint.bodies)):
             ends[body].append(joint)
-    roots = [body for body in bodies if ROOT in bodies[body].apis]
+    roots = [_carrying(body, ends) for body in bodies if ROOT in bodies[body].apis]
     second = {joint.bodies[1] for joint in joints if joint.bodies[0]}
     firsts = [body for body in bodies if body not in second]
     machines: list[Machine] = []
@@ -151,6 +151,18 @@ def assembled(bodies: dict[str, ScenePrim], joints: list[Joint]) -> list[Machine
             taken |= machine.rest.keys()
             machines.append(machine)
     return machines
+
+
+def _carrying(root: str, ends: dict[str, list[Joint]]) -> str:
+    """Return the body that a robot's others are placed from: no wheel, though it be the root.
+
+    PhysX takes any link as the root of an articulation, and the robot moves the same.
+    """
+    joints = ends[root]
+    if len(joints) == 1 and joints[0].kind != FIXED and joints[0].bodies[1] == root:
+        carrier = joints[0].bodies[0]
+        return carrier if len(ends.get(carrier, ())) > 1 else root
+    return root
 
 
 def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint]]) -> Machine:
