@@ -493,8 +493,8 @@ def listed_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | 
 
 def _text_of(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:
     """Return the text that a node makes of its inputs, None for another node or an unknown text."""
-    parts = kind.text_of
-    is_more = any(name.startswith(INPUT) and name not in parts for name in node.ports)
+    further = {port for port in node.ports if INPUT in port} if len(kind.text_of) > 1 else set()
+    parts = [*kind.text_of, *sorted(further.difference(kind.text_of))]
     values = [effective_value(node, part, live, depth) for part in parts]
     texts = [str(value) for value in values if type(value) in (str, int)]
-    return "".join(texts) if texts and len(texts) == len(parts) and not is_more else None
+    return "".join(texts) if texts and len(texts) == len(parts) else None

@@ -116,7 +116,7 @@ def to_text(node: NodeInstance, world: World) -> bool:
 @computes("BuildString")
 def joined_text(node: NodeInstance, world: World) -> bool:
     """OgnBuildString.html: texts, one after the other."""
-    names = ["a", "b", *(name for name in node.values if name not in ("a", "b"))]
+    names = ["a", "b", *sorted(name for name in node.values if name not in ("a", "b"))]
     node.outputs["value"] = "".join(node.text(name, world) for name in names)
     return True
 
