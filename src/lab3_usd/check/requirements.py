@@ -13,6 +13,7 @@ from lab3_usd.check.lab_frames import tf_view, waived_frames
 from lab3_usd.check.match.conformance import (
     Found,
     is_fed,
+    is_variable_met,
     settings_of,
     target_matches,
 )
@@ -25,11 +26,11 @@ from lab3_usd.facts.tree import tree
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, once_per_stage, same_value
-from lab3_usd.spec.graph import GraphSpec, Setting, Target, Wire
+from lab3_usd.spec.graph import GraphSpec, Setting, Target, Variable, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import SCENE_GROUP
 
-_Expected = Setting | Target | Wire
+_Expected = Setting | Target | Wire | Variable
 
 
 class _GraphItem(Struct, frozen=True):
@@ -48,6 +49,8 @@ class _GraphItem(Struct, frozen=True):
         """The property that it is about; '' for the node itself."""
         if isinstance(self.expected, Wire):
             return self.expected.target.port
+        if isinstance(self.expected, Variable):
+            return self.expected.attribute
         return "" if self.expected is None else self.expected.port
 
 
@@ -56,8 +59,13 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     settings = {(each.spec.role, each.setting.port): each for each in settings_of(subject)}
     nested = nested_nodes(subject)
     for item in _items_of(subject):
-        node, expected = subject.roles.node_of[item.role], item.expected
-        unmet = item.unmet
+        expected, unmet = item.expected, item.unmet
+        if type(expected) is Variable:
+            graph = subject.roles.graph
+            is_met = graph is not None and is_variable_met(graph, expected)
+            yield item.met if is_met else unmet
+            continue
+        node = subject.roles.node_of[item.role]
         if node is None:
             is_met = False
         elif type(expected) is Wire:
@@ -100,6 +108,10 @@ def _lab_items(lab: Lab, graph: str) -> list[_GraphItem]:
 
 def _graph_items(graph: GraphSpec) -> list[_GraphItem]:
     items = []
+    for variable in graph.variables:
+        title = f"variable {variable.name} = {display(variable.value)}"
+        name = f"variable/{variable.name}"
+        items.append(_item(graph.name, name, title, variable.handout, "", variable))
     for role, spec in graph.nodes.items():
         node = role_title(spec)
         items.append(_item(graph.name, f"node/{role}", node, spec.handout, role))
@@ -279,9 +291,11 @@ def with_costs(
         roles, name = subject.roles, subject.spec.name
         for item in _items_of(subject):
             of_node.setdefault(f"{name}/node/{item.role}", []).append(item.met.id)
-            node, retyped = roles.node_of[item.role], roles.retyped.get(item.role)
+            node, retyped = roles.node_of.get(item.role), roles.retyped.get(item.role)
             if roles.graph is None:
                 sites.setdefault((subject.spec.path, None), []).append(item.met.id)
+            elif type(item.expected) is Variable:
+                sites.setdefault((roles.graph.path, item.port), []).append(item.met.id)
             elif retyped is not None:
                 sites.setdefault((retyped.path, TYPE), []).append(item.met.id)
             elif node is not None and item.expected is not None:

@@ -9,6 +9,7 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Literal
 
+from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, is_refused
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
@@ -18,7 +19,6 @@ from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, once_p
 # A node that is not named among the states does not run.
 State = Literal["runs", "may run"]
 ENABLED = "inputs:enabled"
-VARIABLE = "graph:variable:"  # how the attributes begin that hold variables of a graph
 Nodes = Mapping[str, Node]
 Variables = Mapping[str, Mapping[str, Value]]
 _Sources = tuple[tuple[Node, str], ...]

@@ -6,6 +6,8 @@ from msgspec import Struct
 
 from lab3_usd.isaac.values import Value
 
+VARIABLE = "graph:variable:"  # how the attributes of a graph begin that hold its variables
+
 
 class GraphAttribute(Struct, frozen=True):
     """An attribute of a graph prim: how it is saved, and which values are as good.

@@ -174,7 +174,7 @@ class Score(Struct, frozen=True):
         return self.earned - self.not_judged
 
 
-REQUIREMENT_KINDS = ("node", "setting", "wire", "target", "scene", "frame")
+REQUIREMENT_KINDS = ("node", "setting", "wire", "target", "variable", "scene", "frame")
 
 
 class Requirement(Struct, frozen=True):

@@ -185,6 +185,13 @@ class AbsentPrim(Struct, frozen=True):
     ports: Mapping[str, PortState] = field(default_factory=dict)
 
 
+class GraphVariable(Struct, frozen=True):
+    """A variable of a graph: its USD type, and its value at the start, None for none."""
+
+    usd_type: str
+    value: Value | None = None
+
+
 class GraphModel(Struct, frozen=True):
     """A graph prim with its nodes in the order of their paths.
 
@@ -196,6 +203,7 @@ class GraphModel(Struct, frozen=True):
     active: bool
     attributes: Mapping[str, Value]
     nodes: tuple[Node, ...]
+    variables: Mapping[str, GraphVariable] = {}
     absent: tuple[AbsentPrim, ...] = ()
     instanced: bool = False
     hidden: int = 0

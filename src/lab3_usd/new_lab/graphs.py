@@ -9,10 +9,11 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.errors import SpecError
+from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.load.lab_types import with_lab_types
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.values import Value, is_known_type, typed_value
+from lab3_usd.isaac.values import Value, fits_type, is_known_type, typed_value
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.new_lab.checkpoints import part_letter
 from lab3_usd.new_lab.yaml_text import as_typed, document
@@ -156,9 +157,20 @@ def describe_graph(name: str, graph: GraphModel, part: str, lab: Lab) -> GraphTe
         "nodes": nodes,
         "wires": wires,
     }
+    variables = dict(_variables(graph, left_out))
+    data |= {"variables": variables} if variables else {}
     left_out += (f"{n.path}: has no type" for n in graph.nodes if n.type is None)
     spec = parse_graph(data, lab.platform, f"{name}.yaml")
     return GraphText(data, spec, tuple(left_out), {role: path for path, role in roles.items()})
+
+
+def _variables(graph: GraphModel, left_out: list[str]) -> Iterator[tuple[str, dict[str, Any]]]:
+    """Yield the variables of a graph that have a value, by name."""
+    for name, variable in graph.variables.items():
+        if variable.value is not None and fits_type(variable.value, variable.usd_type):
+            yield name, {"type": variable.usd_type, "value": as_typed(variable.value)}
+        else:
+            left_out.append(f"{graph.path}.{VARIABLE}{name}: has no value of a known type")
 
 
 def _node(node: Node, lab: Lab, left_out: list[str]) -> dict[str, Any]:

@@ -8,6 +8,7 @@ from functools import cached_property
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.node_types import NodeType, Port
 from lab3_usd.isaac.values import Value
 
@@ -30,6 +31,20 @@ class Target(Struct, frozen=True):
     prims: tuple[str, ...]
     handout: str
     handout_prims: tuple[str, ...] = ()
+
+
+class Variable(Struct, frozen=True):
+    """A variable of a graph: its USD type and the value with which it starts."""
+
+    name: str
+    usd_type: str
+    value: Value
+    handout: str
+
+    @property
+    def attribute(self) -> str:
+        """The attribute of the graph that holds it."""
+        return f"{VARIABLE}{self.name}"
 
 
 class EarlierValues(Struct, frozen=True):
@@ -107,6 +122,7 @@ class GraphSpec(Struct, frozen=True, dict=True):
     wires: tuple[Wire, ...]
     optional_wires: tuple[Wire, ...] = ()
     forbidden_wires: tuple[Wire, ...] = ()
+    variables: tuple[Variable, ...] = ()
 
     @cached_property
     def telling_types(self) -> frozenset[str]:
@@ -170,6 +186,7 @@ class GraphSpec(Struct, frozen=True, dict=True):
             there(self.wires),
             there(self.optional_wires),
             there(self.forbidden_wires),
+            self.variables,
         )
 
     def wires_into(self, role: str) -> Iterator[Wire]:

@@ -9,9 +9,9 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import GraphSubject
 from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.isaac.topics import resolved_topic
-from lab3_usd.isaac.values import Value
-from lab3_usd.model.stage import Node, RenderProduct, once_per_stage, same_value
-from lab3_usd.spec.graph import NodeSpec, Setting, Target, Wire
+from lab3_usd.isaac.values import Value, are_alike
+from lab3_usd.model.stage import GraphModel, Node, RenderProduct, once_per_stage, same_value
+from lab3_usd.spec.graph import NodeSpec, Setting, Target, Variable, Wire
 
 
 def setting_matches(node: Node, setting: Setting, value: Value | None) -> bool:
@@ -24,6 +24,16 @@ def setting_matches(node: Node, setting: Setting, value: Value | None) -> bool:
     if node.type is not None and setting.port in node.type.topics:
         return resolved_topic(str(value)) == resolved_topic(str(setting.value))
     return same_value(value, setting.value)
+
+
+def is_variable_met(graph: GraphModel, variable: Variable) -> bool:
+    """Whether a graph has a variable with the type and the value asked for."""
+    state = graph.variables.get(variable.name)
+    return (
+        state is not None
+        and are_alike(state.usd_type, variable.usd_type)
+        and same_value(state.value, variable.value)
+    )
 
 
 class Found(Struct, frozen=True):

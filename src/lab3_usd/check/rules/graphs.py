@@ -6,6 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
+from lab3_usd.check.match.conformance import is_variable_met
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.model.changes import (
@@ -15,8 +16,9 @@ from lab3_usd.model.changes import (
     MovePrim,
     RemovePrim,
     SetType,
+    SetValue,
 )
-from lab3_usd.model.finding import Place, Problem, Severity
+from lab3_usd.model.finding import Place, Problem, Severity, display
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel
 
@@ -188,6 +190,39 @@ def graphs_in_one(subject: GraphSubject) -> Iterator[Problem]:
 
 def _listed(names: Sequence[str]) -> str:
     return " and ".join([", ".join(names[:-1]), names[-1]] if len(names) > 1 else names)
+
+
+@rule("G08", "wrong-variable", scope="graph")
+def wrong_variable(subject: GraphSubject) -> Iterator[Problem]:
+    """A variable of the graph is missing, or has another type or value.
+
+    Why: Read Variable finds nothing, or another value, and what depends on it stays still or does
+    something else.
+
+    Fix: open the graph, then Window > Graph Editors > Variables, add the variable with the type
+    named here, and type its initial value.
+
+    Example: a graph that reads `running`, and has no such variable.
+    """
+    graph = subject.roles.graph
+    if graph is None:
+        return
+    for variable in subject.spec.variables:
+        state = graph.variables.get(variable.name)
+        if is_variable_met(graph, variable):
+            continue
+        expected = f"{variable.usd_type} {display(variable.value)}"
+        actual = f"{state.usd_type} {display(state.value)}" if state else "missing"
+        yield Problem(
+            graph.path,
+            f"variable '{variable.name}' is {actual}, expected {expected}",
+            property=variable.attribute,
+            expected=expected,
+            actual=actual,
+            handout=variable.handout,
+            unmet=(f"{subject.spec.name}/variable/{variable.name}",),
+            fix=(SetValue(graph.path, variable.attribute, variable.usd_type, variable.value),),
+        )
 
 
 @rule("G04", "early-graph", scope="stage", severity="warning")

@@ -108,6 +108,23 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
             )
 
 
+def variable_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield the nodes that name a variable which their graph does not have."""
+    for graph in lab.graphs.values():
+        known = [variable.name for variable in graph.variables]
+        for node in graph.nodes.values():
+            port = next(iter(node.type.variable), "")
+            if not port or any(wire.target.port == port for wire in graph.wires_into(node.role)):
+                continue
+            name = value_of(node, port)
+            if name not in known:
+                likely = nearest(str(name), known)
+                hint = f"; did you mean '{likely}'?" if likely else ""
+                message = f"names '{name}', and the graph has no such variable{hint}"
+                key = f"{node.role}: {_short(port)}"
+                yield LabFault(file_of(graph), key, message, "variables", "warning")
+
+
 def _frames_of_topic(graph: GraphSpec, node: NodeSpec, topic: str) -> Iterator[str]:
     wired = {wire.target.port for wire in graph.wires_into(node.role)}
     for port in frame_ports(node.type, topic):

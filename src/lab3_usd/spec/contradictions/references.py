@@ -19,6 +19,7 @@ from lab3_usd.spec.contradictions.names import (
     misspelled,
     nearest,
     topic_faults,
+    variable_faults,
 )
 from lab3_usd.spec.contradictions.scene import KnownScene, scene_faults
 from lab3_usd.spec.graph import GraphSpec
@@ -301,6 +302,7 @@ def _all_faults(lab: Lab, stages: Sequence[KnownScene]) -> Iterator[LabFault]:
     yield from checklist_faults(lab)
     yield from frame_faults(lab)
     yield from topic_faults(lab)
+    yield from variable_faults(lab)
     yield from domain_faults(lab)
     yield from rubric_faults(lab)
     yield from section_faults(lab)

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.node_types import INPUT, NodeType, Port, can_connect
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.values import typed_value
+from lab3_usd.isaac.values import is_known_type, typed_value
 from lab3_usd.spec.graph import (
     EarlierValues,
     GraphSpec,
@@ -21,6 +21,7 @@ from lab3_usd.spec.graph import (
     PortRef,
     Setting,
     Target,
+    Variable,
     Wire,
 )
 from lab3_usd.yaml_file import record
@@ -75,8 +76,20 @@ class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
             yield from (*earlier.set, *earlier.targets)
 
 
+class VariableEntry(Struct, forbid_unknown_fields=True):
+    """A variable of the graph: its USD type (`bool`, `double`, `float3`, `token[]`), its value."""
+
+    type: str
+    value: Any
+    handout: str = ""
+
+
 class GraphFile(Struct, forbid_unknown_fields=True):
-    """An Action Graph. Wires may name sections of the handout: `wires: {B4: [...]}`."""
+    """An Action Graph. Wires may name sections of the handout: `wires: {B4: [...]}`.
+
+    `variables` are those of the graph, by name: `running: {type: bool, value: true}`. Read Variable
+    and Write Variable name them.
+    """
 
     graph: str
     path: str
@@ -85,6 +98,7 @@ class GraphFile(Struct, forbid_unknown_fields=True):
     wires: _BySection
     optional_wires: _BySection = {}
     forbidden_wires: _BySection = {}
+    variables: dict[str, VariableEntry] = {}
 
 
 def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> GraphSpec:
@@ -115,7 +129,18 @@ def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> Graph
         wires=wires,
         optional_wires=_wires(content.optional_wires, nodes, where, section),
         forbidden_wires=_wires(content.forbidden_wires, nodes, where, section),
+        variables=tuple(
+            _variable(name, entry, where, section) for name, entry in content.variables.items()
+        ),
     )
+
+
+def _variable(name: str, entry: VariableEntry, graph: str, section: str) -> Variable:
+    where = f"{graph}: variables: {_role(name, graph)}"
+    if not is_known_type(entry.type):
+        raise SpecError(f"{where}: '{entry.type}' is not the USD type of a value")
+    value = typed_value(entry.value, entry.type, where)
+    return Variable(name, entry.type, value, entry.handout or section)
 
 
 def _sections(names: _BySection, section: str) -> Iterator[tuple[str, tuple[str, ...]]]:

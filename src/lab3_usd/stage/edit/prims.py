@@ -8,6 +8,7 @@ from typing import Any
 from msgspec.structs import replace
 from pxr import Pcp, Sdf, Usd
 
+from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.values import are_alike
 from lab3_usd.model.changes import (
     Activate,
@@ -29,7 +30,7 @@ from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.write.graphs import author_graph, catalog_value, define_parents
 
-_PORTS = ("inputs:", "outputs:")
+_CUSTOM = ("inputs:", "outputs:", VARIABLE)  # how the custom properties of OmniGraph begin
 _SCHEMAS = "apiSchemas"
 _VARYING = ("timeSamples", "spline")  # which beat the default value of the same layer
 _LISTS = ("explicitItems", "prependedItems", "appendedItems", "addedItems")
@@ -58,7 +59,7 @@ def _attribute(session: EditSession, path: str, name: str, type_name: str) -> Sd
     composed = session.stage.GetPrimAtPath(path).GetAttribute(name)
     if old is None and composed and are_alike(str(composed.GetTypeName()), type_name):
         type_name = str(composed.GetTypeName())
-    is_custom = bool(composed.IsCustom()) if composed else name.startswith(_PORTS)
+    is_custom = bool(composed.IsCustom()) if composed else name.startswith(_CUSTOM)
     sources: list[Sdf.Path] = []
     data = None
     if old is not None:  # one of the wrong type hands on its connections and custom data
@@ -138,7 +139,7 @@ def set_targets(session: EditSession, edit: Retarget) -> None:
     prim = session.prim_spec(layer, edit.prim)
     spec = layer.GetRelationshipAtPath(f"{edit.prim}.{edit.property}")
     if spec is None:
-        spec = Sdf.RelationshipSpec(prim, edit.property, custom=edit.property.startswith(_PORTS))
+        spec = Sdf.RelationshipSpec(prim, edit.property, custom=edit.property.startswith(_CUSTOM))
     relationship = session.stage.GetPrimAtPath(edit.prim).GetRelationship(edit.property)
     _rewrite(spec.targetPathList, edit.targets, explicit=bool(edit.targets))
     if [*map(str, relationship.GetTargets())] != list(edit.targets):

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from pxr import Usd
 
 from lab3_usd.errors import StageError
+from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.messages import NAMED, with_fields
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
@@ -21,6 +22,7 @@ from lab3_usd.model.stage import (
     OVER,
     AbsentPrim,
     GraphModel,
+    GraphVariable,
     Node,
     PortState,
     RenderProduct,
@@ -316,17 +318,21 @@ class _Scan:
 
     def graph(self, path: str) -> GraphModel:
         """Return a graph with its nodes and what looks like one."""
-        prim, attributes = self.graphs[path], {}
+        prim, attributes, variables = self.graphs[path], {}, {}
         properties = AuthoredProperties(prim)
         for name in properties.names():
             value = properties[name].value()
             if value is not None:
                 attributes[name] = value
+            if name.startswith(VARIABLE):
+                declared = GraphVariable(properties[name].type, value)
+                variables[name.removeprefix(VARIABLE)] = declared
         return GraphModel(
             path=path,
             active=self._is_live(prim),
             attributes=attributes,
             nodes=tuple(self.nodes[path]),
+            variables=variables,
             absent=tuple(self.absent[path]),
             instanced=prim.IsInstanceProxy(),
             hidden=0 if prim.IsActive() else _nodes_in_layers(prim, self._platform.graph.node_type),

@@ -13,6 +13,7 @@ from typing import Any, TypeVar
 from msgspec.structs import replace
 from pxr import Sdf, Usd, UsdGeom
 
+from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import (
@@ -32,7 +33,6 @@ from lab3_usd.stage.read.transforms import ORDER, is_placeless
 
 _Value = TypeVar("_Value")
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"
-VARIABLE = "graph:variable:"  # how the attributes begin that hold variables of a graph
 IGNORED = ("Replicator", "Render")
 UNSEEN = ("guide",)
 LEAST_UNIT = 1e-4

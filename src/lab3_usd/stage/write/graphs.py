@@ -32,6 +32,11 @@ def author_graph(layer: Sdf.Layer, spec: GraphSpec, platform: Platform) -> None:
     prim = _define_prim(layer, spec.path, platform.graph.type)
     for attribute in platform.graph.attributes:
         _declare(prim, attribute.name, attribute.usd_type, attribute.value, custom=False)
+    for variable in spec.variables:
+        declared = _declare(
+            prim, variable.attribute, variable.usd_type, variable.value, custom=True
+        )
+        declared.displayName = variable.name
     for node in spec.nodes.values():
         _author_node(layer, spec, node, platform)
     for wire in spec.wires:
