@@ -164,7 +164,7 @@ def judge(wires: list[Wire], release: str) -> Iterator[tuple[Wire, Finding]]:
         target.AddConnection(source.GetPath())
     platform = lint_platform(release)
     model = read_model(stage, platform, "stage.usda")
-    results = lint(LintSubject(model, platform)).results
+    results = lint(LintSubject(model)).results
     for finding in results.findings:
         if finding.rule in RULES:
             number = int(finding.prim.split("/")[1].removeprefix("Graph_"))

@@ -279,8 +279,8 @@ def compare_stages(before: Path, after: Path, lab: Lab) -> Comparison:
         *graph_changes(pairs, lab.platform.graph),
         *_stage_changes(was, now),
         *scene,
-        *_topic_changes(was, now, lab, pairs),
-        *_frame_changes(was, now, lab),
+        *_topic_changes(was, now, pairs),
+        *_frame_changes(was, now),
     ]
     ordered = tuple(sorted(changes, key=_order))
     return Comparison(StageDiff(str(before), str(after), ordered), pairs)
@@ -316,16 +316,13 @@ def _stage_changes(before: StageModel, after: StageModel) -> Iterator[StageChang
 
 
 def _topic_changes(
-    before: StageModel, after: StageModel, lab: Lab, pairs: StagePairs
+    before: StageModel, after: StageModel, pairs: StagePairs
 ) -> Iterator[StageChange]:
     """Yield the topics that came, went or are not what they were."""
     ours = {
-        (pairs.path(endpoint.node.path), endpoint.port): endpoint
-        for endpoint in endpoints(before, lab.platform)
+        (pairs.path(endpoint.node.path), endpoint.port): endpoint for endpoint in endpoints(before)
     }
-    theirs = {
-        (endpoint.node.path, endpoint.port): endpoint for endpoint in endpoints(after, lab.platform)
-    }
+    theirs = {(endpoint.node.path, endpoint.port): endpoint for endpoint in endpoints(after)}
     for place, was in ours.items():
         if place not in theirs:
             yield StageChange("topic", "removed", _name(was), was=_words(was))
@@ -358,15 +355,15 @@ def _facts(endpoint: Endpoint) -> dict[str, str]:
     }
 
 
-def _frame_changes(before: StageModel, after: StageModel, lab: Lab) -> Iterator[StageChange]:
+def _frame_changes(before: StageModel, after: StageModel) -> Iterator[StageChange]:
     """Yield the transforms that came or went, as often as they did."""
-    ours, theirs = _transforms(before, lab), _transforms(after, lab)
+    ours, theirs = _transforms(before), _transforms(after)
     for child, words in (ours - theirs).elements():
         yield StageChange("frame", "removed", child, was=words)
     for child, words in (theirs - ours).elements():
         yield StageChange("frame", "added", child, now=words)
 
 
-def _transforms(stage: StageModel, lab: Lab) -> Counter[tuple[str, str]]:
-    edges = published_edges(stage, lab.platform)
+def _transforms(stage: StageModel) -> Counter[tuple[str, str]]:
+    edges = published_edges(stage)
     return Counter((edge.child, f"{edge.parent} -> {edge.child} on {edge.topic}") for edge in edges)

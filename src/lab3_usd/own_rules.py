@@ -79,11 +79,11 @@ class RuleCase(Struct, frozen=True):
             RuntimeError: the rule fails itself.
             StageError: the stage cannot be opened.
         """
-        platform = lint_platform()
         stage = open_stage(self.stage)
         try:
             repair_open_stage(repair_by(self.edits), stage)
-            results = lint(Subject(read_model(stage, platform, str(self.stage)), platform)).results
+            model = read_model(stage, lint_platform(), str(self.stage))
+            results = lint(Subject(model)).results
         finally:
             stage.Reload()  # the layers are shared by all who open them
         for crash in results.crashes:

@@ -108,7 +108,7 @@ def instances(count: int) -> Usd.Stage:
 def linted(stage: Usd.Stage) -> None:
     """Read and lint a stage."""
     platform = lint_platform()
-    lint(LintSubject(read_model(stage, platform, "stage.usda"), platform))
+    lint(LintSubject(read_model(stage, platform, "stage.usda")))
 
 
 @pytest.fixture(scope="module")

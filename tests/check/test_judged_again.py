@@ -71,6 +71,6 @@ def looked_at(subject: Subject) -> int:
 
 
 def test_who_asks_again_for_what_looked_at_the_checkpoint_has_looked_too() -> None:
-    subject = Subject(StageModel("Z", 1.0, 1.0, (), {}))
+    subject = Subject(StageModel(the_lab().platform, "Z", 1.0, 1.0, (), {}))
     assert [looked_at(subject), looked_at(subject)] == [1, 1]
     assert subject.stage.checkpoint_uses == 2

@@ -90,12 +90,12 @@ def test_a_problem_that_rests_on_nothing_is_a_finding() -> None:
 def test_unknown_is_what_the_missing_asset_could_hold(
     path: str, asset: UnresolvedAsset | None
 ) -> None:
-    stage = StageModel("Z", 1.0, 1.0, (), {}, unresolved=(MISSING,))
+    stage = StageModel(load_lab().platform, "Z", 1.0, 1.0, (), {}, unresolved=(MISSING,))
     assert stage.unknown(path) == asset
 
 
 def test_something_below_a_prim_may_be_in_an_asset_further_down() -> None:
-    stage = StageModel("Z", 1.0, 1.0, (), {}, unresolved=(MISSING,))
+    stage = StageModel(load_lab().platform, "Z", 1.0, 1.0, (), {}, unresolved=(MISSING,))
     assert stage.unknown_below("/World") == MISSING
     assert stage.unknown_below("/World", beside=["/World/robot"]) is None
     assert stage.unknown_below("/Environment") is None

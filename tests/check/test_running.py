@@ -45,7 +45,7 @@ def graph(event: str | None, *more: Node, **attributes: Value) -> GraphModel:
 
 
 def state_of(stage: StageModel, path: str = SENDER) -> str:
-    return run_states(stage, m.lab().platform).get(path, "does not run")
+    return run_states(stage).get(path, "does not run")
 
 
 def state(event: str | None, **attributes: Value) -> str:
@@ -115,8 +115,8 @@ def test_a_sure_event_beats_a_doubtful_one() -> None:
     )
     stage = m.only(replace(given, nodes=(sender, *given.nodes[1:])))
     assert state_of(stage) == "runs"
-    assert severity_if_uncertain(stage, m.lab().platform, SENDER) is None
-    assert severity_if_uncertain(stage, m.lab().platform, SENDER, custom.path) == "warning"
+    assert severity_if_uncertain(stage, SENDER) is None
+    assert severity_if_uncertain(stage, SENDER, custom.path) == "warning"
 
 
 def test_another_event_may_fire_in_a_graph_that_the_physics_evaluates() -> None:
@@ -146,13 +146,13 @@ def test_a_node_of_the_catalog_without_signal_starts_nothing() -> None:
     gate = m.node(f"{PLACE}/gate", GATE)
     given = graph(None, gate)
     sender = m.wired(given.nodes[0], "inputs:execIn", f"{gate.path}.outputs:execOut")
-    assert run_states(m.only(replace(given, nodes=(sender, gate))), m.lab().platform) == {}
+    assert run_states(m.only(replace(given, nodes=(sender, gate)))) == {}
 
 
 def test_the_lab_runs_for_sure() -> None:
     stage = m.stage()
-    assert set(run_states(stage, m.lab().platform).values()) == {"runs"}
-    assert list(running_nodes(stage, m.lab().platform)) == list(run_states(stage, m.lab().platform))
+    assert set(run_states(stage).values()) == {"runs"}
+    assert list(running_nodes(stage)) == list(run_states(stage))
 
 
 @pytest.mark.parametrize(
@@ -162,7 +162,7 @@ def test_an_input_brings_its_value_to_another(kind: str) -> None:
     port = "inputs:odomFrameId" if kind == ODOMETRY else "inputs:value"
     constant = m.valued(m.node(f"{PLACE}/constant", kind), port, "map")
     sender = m.wired(m.node(SENDER, ODOMETRY), "inputs:odomFrameId", f"{constant.path}.{port}")
-    live = live_nodes(m.only(m.graph(PLACE, constant, sender)), m.lab().platform)
+    live = live_nodes(m.only(m.graph(PLACE, constant, sender)))
     assert effective_value(live[SENDER], "inputs:odomFrameId", live) == "map"
 
 
@@ -172,7 +172,7 @@ def test_what_a_node_computes_nobody_knows() -> None:
     sender = m.wired(
         m.node(SENDER, ODOMETRY), "inputs:odomFrameId", f"{unknown.path}.outputs:value"
     )
-    live = live_nodes(m.only(m.graph(PLACE, unknown, sender)), m.lab().platform)
+    live = live_nodes(m.only(m.graph(PLACE, unknown, sender)))
     assert effective_value(live[SENDER], "inputs:odomFrameId", live) is None
 
 
@@ -271,5 +271,5 @@ def test_what_is_behind_a_branch_may_run() -> None:
     first = graph(TICK, branch)
     sender = m.wired(first.nodes[0], "inputs:execIn", f"{PLACE}/branch.outputs:execTrue")
     stage = m.only(replace(first, nodes=(sender, *first.nodes[1:])))
-    states = run_states(stage, platform)
+    states = run_states(stage)
     assert (states[branch.path], states[SENDER]) == ("runs", "may run")

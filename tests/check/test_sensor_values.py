@@ -30,7 +30,7 @@ SCHEMAS = SHARED / "isaac" / "sensor-schemas.json"
 def faults(change: Change) -> tuple[SensorFault, ...]:
     platform = load_lab().platform
     stage = read_model(with_values(change, lidar_alone()), platform, "stage.usda")
-    return faults_of(stage.prims[LIDAR], platform, stage)
+    return faults_of(stage.prims[LIDAR], stage)
 
 
 def test_what_the_checker_refuses_is_one_error() -> None:
@@ -154,7 +154,7 @@ def test_other_sensors_are_judged_by_the_same_data(
     prim.AddAppliedSchema(api)
     prim.CreateAttribute(name, Sdf.ValueTypeNames.Find(value_type)).Set(value)
     model = read_model(stage, platform, "stage.usda")
-    found = faults_of(model.prims["/sensor"], platform, model)
+    found = faults_of(model.prims["/sensor"], model)
     assert [fault.severity for fault in found] == ([severity] if severity else [])
 
 

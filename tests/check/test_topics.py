@@ -35,14 +35,11 @@ PROFILE = {
 
 
 def found(stage: StageModel) -> dict[tuple[str | None, str], Endpoint]:
-    return {
-        (endpoint.topic, endpoint.node.name): endpoint
-        for endpoint in endpoints(stage, m.lab().platform)
-    }
+    return {(endpoint.topic, endpoint.node.name): endpoint for endpoint in endpoints(stage)}
 
 
 def of(stage: StageModel, role: str) -> Endpoint:
-    (endpoint,) = [each for each in endpoints(stage, m.lab().platform) if each.node.name == role]
+    (endpoint,) = [each for each in endpoints(stage) if each.node.name == role]
     return endpoint
 
 
@@ -79,10 +76,7 @@ def test_names_resolve_as_the_bridge_writes_them(
 
 
 def test_the_lab_has_its_topics() -> None:
-    table = {
-        (e.topic, e.type, e.direction, e.frames, e.runs)
-        for e in endpoints(m.stage(), m.lab().platform)
-    }
+    table = {(e.topic, e.type, e.direction, e.frames, e.runs) for e in endpoints(m.stage())}
     assert table >= {
         ("/camera/camera_info", "sensor_msgs/msg/CameraInfo", "publishes", ("Camera_1",), True),
         ("/camera/image_raw", "sensor_msgs/msg/Image", "publishes", ("Camera_1",), True),
@@ -374,9 +368,7 @@ def built(tmp_path_factory: pytest.TempPathFactory) -> Path:
 def test_the_table_has_a_row_for_each_topic(built: Path) -> None:
     heading, *rows = text_of("topics", "-v", str(built)).splitlines()
     assert heading.split() == "TOPIC TYPE DIRECTION NODE FRAMES QUEUE QOS RATE".split()  # noqa: SIM905
-    assert [row.split()[0] for row in rows] == [
-        e.topic for e in endpoints(m.stage(), m.lab().platform)
-    ]
+    assert [row.split()[0] for row in rows] == [e.topic for e in endpoints(m.stage())]
     assert "keep_last 10, reliable, volatile" in rows[0]
     assert "7 frames" in rows[-1]
 
@@ -386,7 +378,7 @@ def test_name_type_direction_and_node_fit_80_columns(built: Path) -> None:
     assert max(map(len, lines[::2])) <= 80
     assert [line.split() for line in lines[:2]] == [["TOPIC", "TYPE", "DIRECTION"], ["NODE"]]
     nodes = [line.strip() for line in lines[3::2]]
-    assert nodes == [end.node.path for end in endpoints(m.stage(), m.lab().platform)]
+    assert nodes == [end.node.path for end in endpoints(m.stage())]
 
 
 def test_a_table_that_fits_has_the_nodes_in_its_rows(tmp_path: Path) -> None:
@@ -400,7 +392,7 @@ def test_topics_are_drawn_between_their_nodes(built: Path, tmp_path: Path) -> No
     dot = tmp_path / "topics.dot"
     assert text_of("topics", str(built), "--graph", str(dot)) == f"{dot}\n"
     drawn = dot.read_text()
-    ends = endpoints(m.stage(), m.lab().platform)
+    ends = endpoints(m.stage())
     assert drawn.count(" -> ") == len(ends)
     assert all(str(end.topic) in drawn and end.node.name in drawn for end in ends)
 
@@ -454,7 +446,7 @@ def test_the_csv_has_a_row_for_each_topic(built: Path) -> None:
     lines = text_of("topics", str(built), "--format", "csv").splitlines()
     assert lines[0] == "topic,type,direction,node,frames,queue,qos,rate"
     rows = [*csv.DictReader(lines)]
-    assert len(rows) == len(endpoints(m.stage(), m.lab().platform))
+    assert len(rows) == len(endpoints(m.stage()))
     frames = {row["topic"]: row["frames"] for row in rows}
     assert frames["/clock"] == ""
     assert frames["/scan"] == "base_scan"
@@ -472,7 +464,7 @@ def test_a_node_of_the_stage_cannot_write_to_the_terminal() -> None:
     from lab3_usd.report.topic_table import TopicReport, as_csv, as_table
 
     evil: Node = m.node("/World/ROS_Clock/any", m.PUBLISHER_TYPE, topicName="=1+\x1b[2J")
-    report = TopicReport("x", endpoints(m.with_node(m.stage(), evil), m.lab().platform), ())
+    report = TopicReport("x", endpoints(m.with_node(m.stage(), evil)), ())
     assert "\x1b" not in "\n".join(as_table(report)) + as_csv(report)
 
 
@@ -481,7 +473,7 @@ def named_by(kind: str, **ports: str) -> tuple[Endpoint, ...]:
     stage = rover()
     write_node(stage, "/World/Clock/name", kind, ports)
     connect(stage, "/World/Clock", "name.value", "clock.topicName")
-    return endpoints(read_model(stage, m.lab().platform, "x"), m.lab().platform)
+    return endpoints(read_model(stage, m.lab().platform, "x"))
 
 
 def test_a_name_is_made_of_texts_in_their_order() -> None:
@@ -495,7 +487,7 @@ def test_how_a_fraction_is_written_is_not_known() -> None:
     write_node(stage, "/World/Clock/name", "nodes.ToString", {})
     connect(stage, "/World/Clock", "half.value", "name.value")
     connect(stage, "/World/Clock", "name.converted", "clock.topicName")
-    ends = endpoints(read_model(stage, m.lab().platform, "x"), m.lab().platform)
+    ends = endpoints(read_model(stage, m.lab().platform, "x"))
     assert [end.written for end in ends if end.node.name == "clock"] == [""]
 
 
@@ -510,7 +502,7 @@ def test_a_name_that_a_wire_brings_is_unknown_and_not_invalid() -> None:
 def test_every_column_is_there_where_the_terminal_is_narrow() -> None:
     from lab3_usd.report.topic_table import TopicReport, as_table, cells
 
-    report = TopicReport("x", endpoints(m.stage(), m.lab().platform), ())
+    report = TopicReport("x", endpoints(m.stage()), ())
     lines = list(as_table(report, 100, verbose=True))
     assert max(map(len, lines)) <= 100
     for endpoint in report.endpoints:
@@ -544,7 +536,7 @@ def test_a_node_with_a_prim_that_is_no_good_publishes_nothing_and_says_why(
 ) -> None:
     stage = m.stage()
     stage = m.with_node(stage, m.aimed(m.role(stage, role, graph), port, target))
-    (silent,) = (end for end in endpoints(stage, m.lab().platform) if end.topic == topic)
+    (silent,) = (end for end in endpoints(stage) if end.topic == topic)
     assert not silent.runs
     assert silent.silence.endswith(why)
 
@@ -580,5 +572,5 @@ def test_a_radar_sends_clouds_of_points() -> None:
     stage = rover()
     helper = {"topicName": "radar"}
     write_node(stage, "/World/Lidar/radar", "ros.ROS2RtxRadarHelper", helper)
-    ends = endpoints(read_model(stage, load_platform(), ""), load_platform())
+    ends = endpoints(read_model(stage, load_platform(), ""))
     assert {end.type for end in ends if end.topic == "/radar"} == {"sensor_msgs/msg/PointCloud2"}

@@ -64,13 +64,13 @@ def test_a_robot_that_a_wire_names_is_a_warning() -> None:
 def test_joints_that_nobody_can_know_may_be_the_wheels() -> None:
     array = next(node for node in copied().nodes if node.name == "make_array")
     sized = m.wired(array, "inputs:arraySize", f"{PLACE}/size.outputs:value")
-    live = live_nodes(m.stage(copied(sized, unknown("size"))), m.lab().platform)
+    live = live_nodes(m.stage(copied(sized, unknown("size"))))
     assert listed_names(live[MOVER], "inputs:jointNames", live) is None
     assert said(m.stage(copied(sized, unknown("size")))) == [(MOVER, None)]
 
 
 def test_the_names_of_an_array_are_followed() -> None:
-    live = live_nodes(m.stage(copied()), m.lab().platform)
+    live = live_nodes(m.stage(copied()))
     assert listed_names(live[MOVER], "inputs:jointNames", live) == (
         "wheel_left_joint",
         "wheel_right_joint",

@@ -19,7 +19,7 @@ def read(*steps: dict[str, object]) -> StageModel:
 
 
 def topics(stage: StageModel) -> list[str | None]:
-    return [endpoint.topic for endpoint in endpoints(stage, the_lab().platform)]
+    return [endpoint.topic for endpoint in endpoints(stage)]
 
 
 def test_what_is_no_node_below_a_graph_is_a_prim_of_the_scene() -> None:
@@ -77,11 +77,9 @@ def test_a_graph_of_an_instance_may_run(instanced: bool) -> None:  # noqa: FBT00
         {"copy": ["ROS_Clock", "/World/Holder/ROS_Clock"]},
     ]
     stage = read(*steps, *([{"instance": "/World/Holder"}] if instanced else []))
-    state = run_states(stage, the_lab().platform)["/World/Holder/ROS_Clock/ros2_publish_clock"]
+    state = run_states(stage)["/World/Holder/ROS_Clock/ros2_publish_clock"]
     assert state == ("may run" if instanced else "runs")
-    found = [
-        endpoint for endpoint in endpoints(stage, the_lab().platform) if endpoint.topic == "/clock"
-    ]
+    found = [endpoint for endpoint in endpoints(stage) if endpoint.topic == "/clock"]
     assert [each.sure for each in found] == [not instanced, True]
 
 

@@ -19,13 +19,13 @@ from lab3_usd.stage.read.reader import read_model
 def linted(stage: Usd.Stage, release: str = "6.0") -> RuleResults:
     platform = lint_platform(release)
     model = read_model(stage, platform, "stage.usda")
-    return lint(LintSubject(model, platform)).results
+    return lint(LintSubject(model)).results
 
 
 def found_by(rule: str, stage: Usd.Stage, release: str = "6.0") -> RuleResults:
     """Return what one rule finds."""
     platform = lint_platform(release)
-    subject = LintSubject(read_model(stage, platform, "stage.usda"), platform)
+    subject = LintSubject(read_model(stage, platform, "stage.usda"))
     return run_rule(all_rules()[rule], subject, None)
 
 

@@ -149,12 +149,12 @@ def robot() -> dict[str, Prim]:
 def stage(*extra: GraphModel, prims: Mapping[str, Prim] | None = None) -> StageModel:
     """A complete stage with further graphs."""
     graphs = tuple(graph_of(spec) for spec in lab().graphs.values())
-    return StageModel("Z", 1.0, 1.0, (*graphs, *extra), prims or robot())
+    return StageModel(lab().platform, "Z", 1.0, 1.0, (*graphs, *extra), prims or robot())
 
 
 def only(*graphs: GraphModel, prims: Mapping[str, Prim] | None = None) -> StageModel:
     """A stage with the robot and these graphs only."""
-    return StageModel("Z", 1.0, 1.0, graphs, prims or robot())
+    return StageModel(lab().platform, "Z", 1.0, 1.0, graphs, prims or robot())
 
 
 def with_node(given: StageModel, changed: Node) -> StageModel:

@@ -104,7 +104,7 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
     judged = with_other_faults(judged_stage.requirements, findings, graphs)
     known = len(run.findings)
-    run.rules(own_rules().values(), [(LintSubject(stage, lab.platform), None)])
+    run.rules(own_rules().values(), [(LintSubject(stage), None)])
     return Judgement(
         (*with_costs(findings, subjects, placed), *run.findings[known:]),
         with_unknown(judged, run.left_open, whole, lab),

@@ -121,10 +121,10 @@ class TfView(Struct, frozen=True, eq=False):
     def message_frames(self) -> Iterator[MessageFrame]:
         """Yield the frames of messages that no rule of nodes or settings finds fault with."""
         subject = self.subject
-        if unknown_publishers(self.stage, self.platform):
+        if unknown_publishers(self.stage):
             return
         extra = [node for roles in subject.roles.values() for node in roles.extra]
-        for named in message_frames(self.stage, self.platform):
+        for named in message_frames(self.stage):
             node, spec = named.endpoint.node, self.role_specs.get(named.endpoint.node.path)
             asked = {} if spec is None else {setting.port: setting for setting in spec.settings}
             is_right = named.port not in asked or setting_matches(
@@ -154,7 +154,7 @@ class TfView(Struct, frozen=True, eq=False):
 @once_per_stage
 def _frames_or_asked(view: TfView, domain: str) -> frozenset[str]:
     required = {frame for edge in view.subject.lab.frames.edges for frame in edge}
-    return frames_in(view.stage, view.platform, domain) | required
+    return frames_in(view.stage, domain) | required
 
 
 @once_per_stage
@@ -170,7 +170,7 @@ def trees_of_nodes(view: TfView) -> Mapping[str, Sequence[HeardTree]]:
 
 @once_per_stage
 def _open_trees(view: TfView) -> tuple[HeardTree, ...]:
-    edges = all_edges(view.stage, view.platform)
+    edges = all_edges(view.stage)
     return trees_of(edge for edge in edges if _is_as_meant(edge, view))
 
 
@@ -192,7 +192,7 @@ def _is_as_meant(edge: Edge, view: TfView) -> bool:
 @once_per_stage
 def _heard_domains(subject: StageSubject) -> frozenset[str]:
     """Return the domains that the lab listens in: its own, and those its nodes publish in."""
-    roles, edges = role_specs(subject), published_edges(subject.stage, subject.platform)
+    roles, edges = role_specs(subject), published_edges(subject.stage)
     by_roles = (edge.domain for edge in edges if edge.cause in roles or edge.publisher in roles)
     names = (domain_name(domain, subject) for domain in by_roles)
     return frozenset([str(subject.lab.ros.system.domain), *names])
@@ -201,12 +201,10 @@ def _heard_domains(subject: StageSubject) -> frozenset[str]:
 @once_per_stage
 def tf_view(subject: StageSubject) -> TfView:
     """Compute what the frame rules look at."""
-    stage, lab, children = subject.stage, subject.lab, dict[str, list[Edge]]()
+    stage, _lab, children = subject.stage, subject.lab, dict[str, list[Edge]]()
     heard = _heard_domains(subject)
     edges = tuple(
-        edge
-        for edge in published_edges(stage, lab.platform)
-        if domain_name(edge.domain, subject) in heard
+        edge for edge in published_edges(stage) if domain_name(edge.domain, subject) in heard
     )
     for edge in edges:
         children.setdefault(edge.child, []).append(edge)
@@ -214,10 +212,10 @@ def tf_view(subject: StageSubject) -> TfView:
         subject,
         edges,
         children,
-        live_nodes(stage, lab.platform),
-        running_nodes(stage, lab.platform),
+        live_nodes(stage),
+        running_nodes(stage),
         role_specs(subject),
-        unresolved_frames(stage, lab.platform),
+        unresolved_frames(stage),
     )
 
 
@@ -225,14 +223,14 @@ def is_altered_by_wires(edge: Edge, view: TfView) -> bool:
     """Whether wires made of the frames that a node computes something that it does not compute."""
     if edge.cause not in view.live_nodes or edge.cause == edge.publisher:
         return False
-    computed = _computed_by(view.subject.stage, view.subject.lab.platform, edge.cause)
+    computed = _computed_by(view.subject.stage, edge.cause)
     return (edge.parent, edge.child) not in computed
 
 
 @once_per_stage
-def _computed_by(stage: StageModel, platform: Platform, path: str) -> frozenset[tuple[str, str]]:
+def _computed_by(stage: StageModel, path: str) -> frozenset[tuple[str, str]]:
     """Return the parents and children among the frames that a live node computes."""
-    pairs = computed_pairs(live_nodes(stage, platform)[path], stage, platform)
+    pairs = computed_pairs(live_nodes(stage)[path], stage)
     return frozenset((pair.parent, pair.child) for pair in pairs)
 
 
@@ -282,7 +280,7 @@ def frame_sources(view: TfView) -> tuple[FrameSource, ...]:
         node = view.running.get(path)
         if node is None or not spec.frames_from or path in mangled:
             continue
-        if path not in sent and computed_pairs(node, view.subject.stage, view.subject.lab.platform):
+        if path not in sent and computed_pairs(node, view.subject.stage):
             continue
         for target in spec.targets:
             if target.port in spec.frames_from:
@@ -347,7 +345,7 @@ def unknown_frame(frame: str, maker: FrameSource, view: TfView) -> UnresolvedAss
 
 def self_parent_pairs(node: Node, view: TfView) -> list[Pair]:
     """Return the frames of a node that would be their own parents."""
-    pairs = computed_pairs(node, view.subject.stage, view.subject.lab.platform)
+    pairs = computed_pairs(node, view.subject.stage)
     return [pair for pair in pairs if pair.parent == pair.child]
 
 
@@ -418,7 +416,7 @@ def self_target_problems(view: TfView) -> Iterator[Problem]:
         if not listed_targets(node) or differs_from_spec(view, path):
             continue
         for problem in _own_parents(node, view):
-            doubtful = severity_if_uncertain(view.stage, view.platform, path)
+            doubtful = severity_if_uncertain(view.stage, path)
             yield replace(problem, severity=doubtful or problem.severity)
 
 

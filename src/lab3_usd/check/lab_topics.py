@@ -77,7 +77,7 @@ def publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
     topic is not that of its role does not count.
     """
     tree, together = subject.platform.ros.tree_topics, dict[Heard, list[Endpoint]]()
-    for endpoint in endpoints(subject.stage, subject.platform):
+    for endpoint in endpoints(subject.stage):
         is_sent = endpoint.topic and endpoint.runs and endpoint.direction == "publishes"
         is_tree = endpoint.topic in tree or endpoint.type == TRANSFORMS
         if is_sent and not is_tree and _is_meant(endpoint, subject):

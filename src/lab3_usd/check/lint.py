@@ -45,10 +45,7 @@ def lint(subject: LintSubject) -> LintResults:
             files, findings=tuple(replace(finding, severity="note") for finding in files.findings)
         )
         waiting = dict(_waiting(subject))
-        unknown = {
-            node.path: node.type_name
-            for node in nodes_of_unknown_type(subject.stage, subject.platform)
-        }
+        unknown = {node.path: node.type_name for node in nodes_of_unknown_type(subject.stage)}
         return LintResults(
             replace(merge_results((notes, stage)), gaps=tuple(_gaps(subject, waiting, unknown))),
             NodeCoverage(

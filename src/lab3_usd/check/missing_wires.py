@@ -8,7 +8,6 @@ from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject
 from lab3_usd.facts.clocks import CLOCK
 from lab3_usd.facts.execution_order import event_of, live_nodes, live_sources, run_states
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Connect, CreateNode, Edit
 from lab3_usd.model.finding import short_source
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
@@ -45,7 +44,7 @@ def _makers(node: Node, subject: LintSubject) -> Iterator[Node]:
 
 def _events(node: Node, subject: ModelSubject) -> list[Node]:
     """Return the events of a node's graph that surely fire at every update."""
-    states = run_states(subject.stage, subject.platform)
+    states = run_states(subject.stage)
     usual = subject.platform.graph.value(subject.platform.graph.evaluation.stage)
     return [
         other
@@ -55,23 +54,23 @@ def _events(node: Node, subject: ModelSubject) -> list[Node]:
 
 
 def _beside(node: Node, subject: ModelSubject) -> Iterator[Node]:
-    graphs = _by_graph(subject.stage, subject.platform)
+    graphs = _by_graph(subject.stage)
     return iter(graphs.get(node.path.rpartition("/")[0], ()))
 
 
 @once_per_stage
-def _by_graph(stage: StageModel, platform: Platform) -> Mapping[str, Sequence[Node]]:
+def _by_graph(stage: StageModel) -> Mapping[str, Sequence[Node]]:
     """Map each graph to its live nodes."""
     graphs: dict[str, list[Node]] = {}
-    for node in live_nodes(stage, platform).values():
+    for node in live_nodes(stage).values():
         graphs.setdefault(node.path.rpartition("/")[0], []).append(node)
     return graphs
 
 
 @once_per_stage
-def _read_outputs(stage: StageModel, platform: Platform) -> frozenset[tuple[str, str]]:
+def _read_outputs(stage: StageModel) -> frozenset[tuple[str, str]]:
     """Return the outputs that some node reads, each by its node and name."""
-    live = live_nodes(stage, platform)
+    live = live_nodes(stage)
     return frozenset(
         (source.path, output)
         for node in live.values()
@@ -149,7 +148,7 @@ def lost_constant(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ..
         for source, output in live_sources(node, name, live)
         if output.startswith(INPUT)
     }
-    read = _read_outputs(subject.stage, subject.platform)
+    read = _read_outputs(subject.stage)
     outputs = [
         f"{other.path}.{name}"
         for other in _beside(node, subject)

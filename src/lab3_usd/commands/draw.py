@@ -173,8 +173,8 @@ def _linted(path: Path, release: str | None, every_port: bool) -> Drawing:  # no
 
     platform = lint_platform(release or BASE)
     stage = read_stage(path, platform)
-    found = lint(LintSubject(stage, platform)).results
-    pictures = linted_pictures(platform, stage, found.findings, every_port=every_port)
+    found = lint(LintSubject(stage)).results
+    pictures = linted_pictures(stage, found.findings, every_port=every_port)
     return Drawing(list(pictures), f"{path.stem}-", found.crashes)
 
 

@@ -71,9 +71,9 @@ def command(
     use_config(stage, assets)
     leave_broken_lab()
     ros = read_ros(stage)
-    platform, model = ros.subject.platform, ros.subject.stage
-    edges, hidden = all_edges(model, platform), all_unresolved_frames(model, platform)
-    rates = {end.node.path: end.rate for end in endpoints(model, platform)}
+    _platform, model = ros.subject.platform, ros.subject.stage
+    edges, hidden = all_edges(model), all_unresolved_frames(model)
+    rates = {end.node.path: end.rate for end in endpoints(model)}
     not_judged = printable(coverage_line(ros.coverage))
     tops = frozenset(top for heard in trees_of(edges) for top in ros.subject.tops(heard))
     if picture is not None:
@@ -81,7 +81,7 @@ def command(
         write_picture(drawn, picture, force)
         click.echo(picture)
         return
-    sent = published_transforms(model, platform)
+    sent = published_transforms(model)
     unknown = tuple(each.publisher.path for each in sent if each.edges is None)
     lab = load_lab()
     # What a lab leaves to others, any other stage may place.

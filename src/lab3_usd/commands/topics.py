@@ -61,13 +61,13 @@ def command(
     use_config(stage, assets)
     leave_broken_lab()
     ros = read_ros(stage)
-    platform, model = ros.subject.platform, ros.subject.stage
-    ends, not_judged = endpoints(model, platform), printable(coverage_line(ros.coverage))
+    _platform, model = ros.subject.platform, ros.subject.stage
+    ends, not_judged = endpoints(model), printable(coverage_line(ros.coverage))
     if picture is not None:
         write_picture(topics_picture(stage.name, ends, ros.unknown, not_judged), picture, force)
         click.echo(picture)
         return
-    edges, hidden = all_edges(model, platform), all_unresolved_frames(model, platform)
+    edges, hidden = all_edges(model), all_unresolved_frames(model)
     table = TopicReport(str(stage), ends, edges, hidden)
     if form == "csv":
         click.echo(as_csv(table), nl=False)

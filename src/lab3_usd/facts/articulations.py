@@ -11,7 +11,6 @@ from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sou
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.isaac.node_types import INPUT, DrivePorts
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.joint_drives import DRIVEN_AXES
@@ -60,36 +59,36 @@ class Command(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def commands(stage: StageModel, platform: Platform) -> tuple[Command, ...]:
+def commands(stage: StageModel) -> tuple[Command, ...]:
     """Return every live node that moves joints, in the order of the stage."""
-    return tuple(_commands(stage, platform))
+    return tuple(_commands(stage))
 
 
-def commands_of(roots: tuple[str, ...], stage: StageModel, platform: Platform) -> Sequence[Command]:
+def commands_of(roots: tuple[str, ...], stage: StageModel) -> Sequence[Command]:
     """Return the commands of articulations with one of some roots, in the order of the stage."""
-    return _by_roots(stage, platform, roots)
+    return _by_roots(stage, roots)
 
 
 @once_per_stage
-def _by_roots(stage: StageModel, platform: Platform, roots: tuple[str, ...]) -> tuple[Command, ...]:
-    by_root = _by_root(stage, platform)
+def _by_roots(stage: StageModel, roots: tuple[str, ...]) -> tuple[Command, ...]:
+    by_root = _by_root(stage)
     found = {number_of: one for root in roots for number_of, one in by_root.get(root, {}).items()}
     return tuple(found[number_of] for number_of in sorted(found))
 
 
 @once_per_stage
-def _by_root(stage: StageModel, platform: Platform) -> Mapping[str, Mapping[int, Command]]:
+def _by_root(stage: StageModel) -> Mapping[str, Mapping[int, Command]]:
     """Map each root of an articulation to its commands, numbered as the stage has them."""
     by_root: dict[str, dict[int, Command]] = {}
-    for number_of, command in enumerate(commands(stage, platform)):
+    for number_of, command in enumerate(commands(stage)):
         for root in command.roots:
             by_root.setdefault(root, {})[number_of] = command
     return by_root
 
 
-def _commands(stage: StageModel, platform: Platform) -> Iterator[Command]:
-    live = live_nodes(stage, platform)
-    for node in nodes_of(lambda kind: kind.drives, stage, platform):
+def _commands(stage: StageModel) -> Iterator[Command]:
+    live = live_nodes(stage)
+    for node in nodes_of(lambda kind: kind.drives, stage):
         ports = None if node.type is None else node.type.drives
         if ports is None:
             continue
@@ -97,9 +96,7 @@ def _commands(stage: StageModel, platform: Platform) -> Iterator[Command]:
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
         names = listed_names(node, ports.joints, live)
-        is_by_number = _has_indices(node, ports, stage, platform) and not unused_indices(
-            node, ports, stage, platform
-        )
+        is_by_number = _has_indices(node, ports, stage) and not unused_indices(node, ports, stage)
         yield Command(
             node=node,
             ports=ports,
@@ -111,22 +108,20 @@ def _commands(stage: StageModel, platform: Platform) -> Iterator[Command]:
         )
 
 
-def _has_indices(node: Node, ports: DrivePorts, stage: StageModel, platform: Platform) -> bool:
+def _has_indices(node: Node, ports: DrivePorts, stage: StageModel) -> bool:
     """Whether joints are picked by number, as far as anything is wired or set."""
     return bool(node.sources(ports.indices)) or bool(
-        effective_value(node, ports.indices, live_nodes(stage, platform))
+        effective_value(node, ports.indices, live_nodes(stage))
     )
 
 
-def unused_indices(
-    node: Node, ports: DrivePorts, stage: StageModel, platform: Platform
-) -> Value | None:
+def unused_indices(node: Node, ports: DrivePorts, stage: StageModel) -> Value | None:
     """Return the numbers of joints that this release ignores because all are 0, None for others."""
-    facts = None if node.type is None else platform.joints.get(node.type.type)
-    indices = effective_value(node, ports.indices, live_nodes(stage, platform))
+    facts = None if node.type is None else stage.platform.joints.get(node.type.type)
+    indices = effective_value(node, ports.indices, live_nodes(stage))
     if facts is None or not isinstance(indices, tuple) or not indices or any(indices):
         return None
-    return indices if is_within(platform.release, "", facts.zeros_until) else None
+    return indices if is_within(stage.platform.release, "", facts.zeros_until) else None
 
 
 def articulations(top: str, stage: StageModel) -> Sequence[str]:
@@ -217,9 +212,7 @@ def has_joint(joints: Mapping[str, Prim], name: str) -> bool:
     return name in joints or (is_axis and joints[stem].type not in DRIVEN_AXES)
 
 
-def commanded_joints(
-    command: Command, port: str, stage: StageModel, platform: Platform
-) -> list[Prim]:
+def commanded_joints(command: Command, port: str, stage: StageModel) -> list[Prim]:
     """Return the joints that a command surely moves: those that are named, or all of the robot.
 
     Without names each joint gets a command only where there are as many commands as joints, and
@@ -228,16 +221,16 @@ def commanded_joints(
     if command.names:
         known = joints_of(command, stage)
         return [known[name] for name in dict.fromkeys(command.names) if name in known]
-    value = effective_value(command.node, port, live_nodes(stage, platform))
+    value = effective_value(command.node, port, live_nodes(stage))
     if isinstance(value, tuple):
         is_moving = all(value)
     else:
-        is_moving = controller_of(command, stage, platform) is not None
+        is_moving = controller_of(command, stage) is not None
     joints = _axes(command, stage) if is_moving and command.names == () else []
-    return joints if number_of_commands(command, port, stage, platform) == len(joints) else []
+    return joints if number_of_commands(command, port, stage) == len(joints) else []
 
 
-def named_joints(command: Command, stage: StageModel, platform: Platform) -> list[str] | None:
+def named_joints(command: Command, stage: StageModel) -> list[str] | None:
     """Return the names of the joints that a command is about, None where they are unknown.
 
     Numbers stand in the articulation's own order, which no file tells: they are known where they
@@ -245,7 +238,7 @@ def named_joints(command: Command, stage: StageModel, platform: Platform) -> lis
     """
     if command.names is not None:
         return list(command.names or joints_of(command, stage))
-    numbers = listed(command.node, command.ports.indices, live_nodes(stage, platform))
+    numbers = listed(command.node, command.ports.indices, live_nodes(stage))
     axes = [joint.name for joint in _axes(command, stage)]
     is_whole = numbers is not None and sorted(map(str, numbers)) == sorted(
         map(str, range(len(axes)))
@@ -253,9 +246,7 @@ def named_joints(command: Command, stage: StageModel, platform: Platform) -> lis
     return axes if axes and is_whole else None
 
 
-def reached_joints(
-    command: Command, stage: StageModel, platform: Platform, *, with_wheels: bool = False
-) -> list[Prim]:
+def reached_joints(command: Command, stage: StageModel, *, with_wheels: bool = False) -> list[Prim]:
     """Return the joints of a robot that messages can name, as far as they are to be commanded.
 
     Left out are joints that another controller names, that follow another joint, that roll freely
@@ -276,7 +267,7 @@ def reached_joints(
     is_chain = len(pairs) < len({path for pair in pairs for path in pair})
     others = {
         name
-        for other in commands_of(command.roots, stage, platform)
+        for other in commands_of(command.roots, stage)
         if other is not command
         for name in other.names or ()
     }
@@ -362,16 +353,16 @@ def drive_of(joint: Prim) -> str | None:
     return None if kind is None else f"drive:{kind.partition(':')[2]}:physics:"
 
 
-def leaves_joints(command: Command, port: str, stage: StageModel, platform: Platform) -> bool:
+def leaves_joints(command: Command, port: str, stage: StageModel) -> bool:
     """Whether speeds that come in as positions or efforts surely move none of the joints.
 
     A drive without stiffness goes to no position; damping holds a joint against a small effort.
     """
-    joints = commanded_joints(command, port, stage, platform) if command.roots else []
+    joints = commanded_joints(command, port, stage) if command.roots else []
     told = {joint.name for joint in joints}
     others = (
-        named_joints(other, stage, platform)
-        for other in commands_of(command.roots, stage, platform)
+        named_joints(other, stage)
+        for other in commands_of(command.roots, stage)
         if other is not command
     )
     is_alone = wired_commands(command) == [port] and all(
@@ -393,11 +384,9 @@ def _leaves(joint: Prim, port: str, ports: DrivePorts) -> bool:
     return port == effort and joint.type == REVOLUTE and damping >= _HOLDING
 
 
-def number_of_commands(
-    command: Command, port: str, stage: StageModel, platform: Platform
-) -> int | None:
+def number_of_commands(command: Command, port: str, stage: StageModel) -> int | None:
     """Return how many values come into an input for commands, None where nothing tells it."""
-    sources = live_sources(command.node, port, live_nodes(stage, platform))
+    sources = live_sources(command.node, port, live_nodes(stage))
     if len(sources) > 1:
         return None
     for source, out in sources:
@@ -405,43 +394,37 @@ def number_of_commands(
         if kind is not None and out in kind.sizes:
             return kind.sizes[out]
         if kind is not None and kind.dynamic is not None:
-            count = effective_value(source, INPUT + kind.dynamic.count, live_nodes(stage, platform))
+            count = effective_value(source, INPUT + kind.dynamic.count, live_nodes(stage))
             return count if isinstance(count, int) else None
-    value = effective_value(command.node, port, live_nodes(stage, platform))
+    value = effective_value(command.node, port, live_nodes(stage))
     return len(value) if isinstance(value, tuple) else None
 
 
-def controller_of(command: Command, stage: StageModel, platform: Platform) -> Node | None:
+def controller_of(command: Command, stage: StageModel) -> Node | None:
     """Return the node that computes the wheel speeds of a command, None for several or none."""
     for port in command.ports.commands:
-        for source, _ in live_sources(command.node, port, live_nodes(stage, platform)):
+        for source, _ in live_sources(command.node, port, live_nodes(stage)):
             if source.type is not None and source.type.step_limits:
                 return source
     return None
 
 
-def driven_pairs(
-    stage: StageModel, platform: Platform
-) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
+def driven_pairs(stage: StageModel) -> Iterator[tuple[Command, Node, tuple[Prim, Prim]]]:
     """Yield the commands of two wheels, with what computes them and the joints in its order."""
-    for command, controller, wheels in driven_wheels(stage, platform):
+    for command, controller, wheels in driven_wheels(stage):
         if len(wheels) == _PAIR:
             yield command, controller, (wheels[0], wheels[1])
 
 
 @once_per_stage
-def driven_wheels(
-    stage: StageModel, platform: Platform
-) -> tuple[tuple[Command, Node, tuple[Prim, ...]], ...]:
+def driven_wheels(stage: StageModel) -> tuple[tuple[Command, Node, tuple[Prim, ...]], ...]:
     """Return the commands of wheels, with what computes them and the joints in its order."""
-    return tuple(_driven_wheels(stage, platform))
+    return tuple(_driven_wheels(stage))
 
 
-def _driven_wheels(
-    stage: StageModel, platform: Platform
-) -> Iterator[tuple[Command, Node, tuple[Prim, ...]]]:
-    for command in commands(stage, platform):
-        controller = controller_of(command, stage, platform)
+def _driven_wheels(stage: StageModel) -> Iterator[tuple[Command, Node, tuple[Prim, ...]]]:
+    for command in commands(stage):
+        controller = controller_of(command, stage)
         known = joints_of(command, stage) if command.roots and controller is not None else {}
         names = command.names or ()
         if controller is not None and names and all(name in known for name in names):

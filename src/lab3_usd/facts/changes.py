@@ -7,15 +7,14 @@ from collections.abc import Iterator
 from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources, nodes_of_their_own
 from lab3_usd.isaac.behaviour import WriterPorts
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 
 @once_per_stage
-def writing_nodes(stage: StageModel, platform: Platform) -> tuple[tuple[Node, WriterPorts], ...]:
+def writing_nodes(stage: StageModel) -> tuple[tuple[Node, WriterPorts], ...]:
     """Return the nodes that change something by themselves, with the inputs that say what."""
-    nodes = nodes_of_their_own(stage, platform).values()
-    pairs = ((node, platform.writers.get(node.type_name)) for node in nodes)
+    nodes = nodes_of_their_own(stage).values()
+    pairs = ((node, stage.platform.writers.get(node.type_name)) for node in nodes)
     return tuple((node, ports) for node, ports in pairs if ports is not None)
 
 

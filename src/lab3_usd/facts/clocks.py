@@ -11,7 +11,6 @@ from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 CLOCK = "rosgraph_msgs/msg/Clock"
@@ -33,24 +32,22 @@ class Stamp(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def stamps(stage: StageModel, platform: Platform) -> tuple[Stamp, ...]:
+def stamps(stage: StageModel) -> tuple[Stamp, ...]:
     """Return the clock of each topic that is published."""
-    return tuple(_stamps(stage, platform))
+    return tuple(_stamps(stage))
 
 
-def _stamps(stage: StageModel, platform: Platform) -> Iterator[Stamp]:
-    for endpoint in endpoints(stage, platform):
+def _stamps(stage: StageModel) -> Iterator[Stamp]:
+    for endpoint in endpoints(stage):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic:
-            stamp = _stamp_of_helper(endpoint, stage, platform) or _stamp_by_wire(
-                endpoint, stage, platform
-            )
+            stamp = _stamp_of_helper(endpoint, stage) or _stamp_by_wire(endpoint, stage)
             if stamp is not None:
                 yield stamp
 
 
-def _stamp_of_helper(endpoint: Endpoint, stage: StageModel, platform: Platform) -> Stamp | None:
+def _stamp_of_helper(endpoint: Endpoint, stage: StageModel) -> Stamp | None:
     """Return the clock of a node that reads the time by itself."""
-    node, live, ros = endpoint.node, live_nodes(stage, platform), platform.ros
+    node, live, ros = endpoint.node, live_nodes(stage), stage.platform.ros
     system, restart = INPUT + ros.system_time, INPUT + ros.restart
     if node.type is None or system not in node.type.ports:
         return None
@@ -62,16 +59,16 @@ def _stamp_of_helper(endpoint: Endpoint, stage: StageModel, platform: Platform) 
     return Stamp(node, topic, restart, "simulation", known, is_clock=False, domain=endpoint.domain)
 
 
-def _stamp_by_wire(endpoint: Endpoint, stage: StageModel, platform: Platform) -> Stamp | None:
+def _stamp_by_wire(endpoint: Endpoint, stage: StageModel) -> Stamp | None:
     """Return the clock of a node whose time comes over a wire."""
-    node, stamp = endpoint.node, INPUT + platform.ros.stamp
-    sources = live_sources(node, stamp, live_nodes(stage, platform))
+    node, stamp = endpoint.node, INPUT + stage.platform.ros.stamp
+    sources = live_sources(node, stamp, live_nodes(stage))
     if not sources:
         return None
     source, _ = sources[0]
     is_clock, topic = endpoint.type == CLOCK, str(endpoint.topic)
-    restart = INPUT + platform.ros.reader_restart
-    restarts = effective_value(source, restart, live_nodes(stage, platform))
+    restart = INPUT + stage.platform.ros.reader_restart
+    restarts = effective_value(source, restart, live_nodes(stage))
     if source.type is None:
         return Stamp(node, topic, stamp, "unknown", None, is_clock, endpoint.domain)
     if any("systemTime" in port for port in source.type.ports):

@@ -58,9 +58,9 @@ class ContextInput(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def context_inputs(stage: StageModel, platform: Platform) -> tuple[ContextInput, ...]:
+def context_inputs(stage: StageModel) -> tuple[ContextInput, ...]:
     """Return the context of every live node that takes one."""
-    live, port, found = live_nodes(stage, platform), INPUT + _CONTEXT, list[ContextInput]()
+    live, port, found = live_nodes(stage), INPUT + _CONTEXT, list[ContextInput]()
     for node in live.values():
         if node.type is not None and port in node.type.ports:
             contexts = tuple(source for source, _ in live_sources(node, port, live))
@@ -69,13 +69,13 @@ def context_inputs(stage: StageModel, platform: Platform) -> tuple[ContextInput,
     return tuple(found)
 
 
-def invalid_contexts(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str, Value]]:
+def invalid_contexts(stage: StageModel) -> Iterator[tuple[Node, str, Value]]:
     """Yield the nodes whose context is a number that they hold or a constant gives.
 
     With each come its input and the number, of which nothing made a context (Ros2Node.h:152-161).
     """
-    live = live_nodes(stage, platform)
-    for entry in context_inputs(stage, platform):
+    live = live_nodes(stage)
+    for entry in context_inputs(stage):
         handle = effective_value(entry.node, entry.port, live)
         if handle:
             yield entry.node, entry.port, handle
@@ -105,15 +105,15 @@ def _domain_of_context(context: Node, live: Nodes, platform: Platform) -> Domain
 
 
 @once_per_stage
-def domains(stage: StageModel, platform: Platform) -> Mapping[Domain, list[Node]]:
+def domains(stage: StageModel) -> Mapping[Domain, list[Node]]:
     """Return the contexts that a node uses by the domain that they name."""
-    live, by_domain = live_nodes(stage, platform), dict[Domain, list[Node]]()
+    live, by_domain = live_nodes(stage), dict[Domain, list[Node]]()
     used = {
         node.path: node
-        for context_input in context_inputs(stage, platform)
+        for context_input in context_inputs(stage)
         for node in context_input.contexts
     }
     for node in used.values():
         if node.type is not None and OUTPUT + _CONTEXT in node.type.ports:
-            by_domain.setdefault(_domain_of_context(node, live, platform), []).append(node)
+            by_domain.setdefault(_domain_of_context(node, live, stage.platform), []).append(node)
     return by_domain

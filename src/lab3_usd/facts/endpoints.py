@@ -30,7 +30,6 @@ from lab3_usd.facts.render_products import has_two_sizes, sensor_of, stereo_prod
 from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.messages import NAMED
 from lab3_usd.isaac.node_types import INPUT, KIND, NodeType
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
@@ -205,17 +204,17 @@ def resolve(namespace: str, written: str) -> str | None:
 
 
 @once_per_stage
-def endpoints(stage: StageModel, platform: Platform) -> tuple[Endpoint, ...]:
+def endpoints(stage: StageModel) -> tuple[Endpoint, ...]:
     """Return every topic of every node in an active graph, in the order of topic and node."""
-    live, running = live_nodes(stage, platform), working_nodes(stage, platform)
-    states = working_states(stage, platform)
+    live, running = live_nodes(stage), working_nodes(stage)
+    states = working_states(stage)
     is_certain = all(state == "runs" for state in states.values())
     surely = (node for path, node in running.items() if states[path] == "runs")
     certain = running if is_certain else LiveNodes(surely, live.variables)
     nodes = (live, running, certain)
     unordered = [
-        _endpoint(node, port, stage, platform, nodes)
-        for node in nodes_of(lambda kind: kind.role in _DIRECTIONS, stage, platform)
+        _endpoint(node, port, stage, nodes)
+        for node in nodes_of(lambda kind: kind.role in _DIRECTIONS, stage)
         if node.type is not None
         for port in used_topics(node, node.type, live)
     ]
@@ -223,13 +222,11 @@ def endpoints(stage: StageModel, platform: Platform) -> tuple[Endpoint, ...]:
 
 
 @once_per_stage
-def running_endpoints(
-    stage: StageModel, platform: Platform, direction: Direction
-) -> tuple[Endpoint, ...]:
+def running_endpoints(stage: StageModel, direction: Direction) -> tuple[Endpoint, ...]:
     """Return the topics that something is sent to, or received from, and whose name is known."""
     return tuple(
         endpoint
-        for endpoint in endpoints(stage, platform)
+        for endpoint in endpoints(stage)
         if endpoint.runs and endpoint.topic and endpoint.direction == direction
     )
 
@@ -251,7 +248,7 @@ def used_topics(node: Node, kind: NodeType, live: Nodes) -> Iterator[str]:
 
 
 def _endpoint(
-    node: Node, port: str, stage: StageModel, platform: Platform, nodes: tuple[Nodes, Nodes, Nodes]
+    node: Node, port: str, stage: StageModel, nodes: tuple[Nodes, Nodes, Nodes]
 ) -> Endpoint:
     live, running, certain = nodes
     kind = node.type
@@ -265,7 +262,7 @@ def _endpoint(
     is_sure = certain is running or _is_at_work(node, port, live, certain)
     frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
     return Endpoint(
-        topic=resolve(namespace_of(node, stage, platform, live), written)
+        topic=resolve(namespace_of(node, stage, live), written)
         if isinstance(written, str)
         else None,
         written="" if written is None else str(written),
@@ -276,18 +273,18 @@ def _endpoint(
         frames=tuple("?" if frame is None else str(frame) for frame in frames),
         queue=queue if isinstance(queue, int) else None,
         qos=qos_of(node, live, static=static),
-        rate=rate_source(node, stage, platform, running, static=static),
+        rate=rate_source(node, stage, running, static=static),
         runs=runs,
         sure=runs and is_sure,
-        domain=domain_of(node, live, platform),
-        silence="" if runs else _silence(node, port, stage, platform),
+        domain=domain_of(node, live, stage.platform),
+        silence="" if runs else _silence(node, port, stage),
     )
 
 
-def _silence(node: Node, port: str, stage: StageModel, platform: Platform) -> str:
+def _silence(node: Node, port: str, stage: StageModel) -> str:
     """Say why a node neither sends nor receives a topic."""
-    live, states = live_nodes(stage, platform), run_states(stage, platform)
-    stuck = obstacle(node, stage, platform)
+    live, states = live_nodes(stage), run_states(stage)
+    stuck = obstacle(node, stage)
     if not is_switched_on(node, live):
         return "it is switched off"
     if is_refused(node, live):
@@ -309,13 +306,13 @@ def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
     return node.path in running and is_on and has_sensor
 
 
-def namespace_of(node: Node, stage: StageModel, platform: Platform, live: Nodes) -> str:
+def namespace_of(node: Node, stage: StageModel, live: Nodes) -> str:
     """Return the namespace before the node's topics.
 
     The node's own setting wins; else the attributes on the prims above the node count, for
     a TF publisher the outermost one only, for a sensor helper those above its sensor.
     """
-    own = effective_value(node, INPUT + platform.ros.namespace, live)
+    own = effective_value(node, INPUT + stage.platform.ros.namespace, live)
     if isinstance(own, str) and own:
         return own
     if node.type is not None and node.type.tf is not None:
@@ -323,26 +320,26 @@ def namespace_of(node: Node, stage: StageModel, platform: Platform, live: Nodes)
     sensor = sensor_of(node, live)
     if sensor is None:
         return "/".join(node.namespaces)
-    return "/".join(value for _, value in namespaces_above(sensor, stage, platform))
+    return "/".join(value for _, value in namespaces_above(sensor, stage))
 
 
-def namespaces_above(path: str, stage: StageModel, platform: Platform) -> list[tuple[str, str]]:
+def namespaces_above(path: str, stage: StageModel) -> list[tuple[str, str]]:
     """Return the prims at and above a path that carry a namespace, outermost first, with it."""
     namespaces: list[tuple[str, str]] = []
     while path:
         prim = stage.prim(path)
-        value = None if prim is None else prim.attributes.get(platform.ros.namespace_attribute)
+        value = (
+            None if prim is None else prim.attributes.get(stage.platform.ros.namespace_attribute)
+        )
         if isinstance(value, str) and value:
             namespaces.append((path, value))
         path = path.rpartition("/")[0]
     return namespaces[::-1]
 
 
-def moving_prims(
-    node: Node, stage: StageModel, platform: Platform, live: Nodes
-) -> list[tuple[str, str]]:
+def moving_prims(node: Node, stage: StageModel, live: Nodes) -> list[tuple[str, str]]:
     """Return the prims whose namespace attribute moves the node's topics, with the attribute."""
-    if effective_value(node, INPUT + platform.ros.namespace, live):
+    if effective_value(node, INPUT + stage.platform.ros.namespace, live):
         return []
     sensor = sensor_of(node, live)
     is_tf = node.type is not None and node.type.tf is not None
@@ -350,7 +347,7 @@ def moving_prims(
     if is_on_graph and not node.namespaces:
         return []
     graph = node.path.rpartition("/")[0]
-    prims = namespaces_above(graph if sensor is None or is_tf else sensor, stage, platform)
+    prims = namespaces_above(graph if sensor is None or is_tf else sensor, stage)
     if node.own_namespace and is_on_graph:
         prims.append((node.path, node.own_namespace))
     return prims[:1] if is_tf else prims

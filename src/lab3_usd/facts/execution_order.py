@@ -41,9 +41,9 @@ class LiveNodes(dict[str, Node]):
 
 
 @once_per_stage
-def live_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
+def live_nodes(stage: StageModel) -> LiveNodes:
     """Return the nodes of all active graphs by path, leaving out what the application made."""
-    graphs = [g for g in stage.graphs if g.active and not platform.graph.ignores(g.path)]
+    graphs = [g for g in stage.graphs if g.active and not stage.platform.graph.ignores(g.path)]
     return LiveNodes((node for graph in graphs for node in graph.nodes), _variables(graphs))
 
 
@@ -55,25 +55,23 @@ def _variables(graphs: Iterable[GraphModel]) -> Variables:
 
 
 @once_per_stage
-def _by_type(stage: StageModel, platform: Platform) -> Mapping[NodeType, list[tuple[int, Node]]]:
+def _by_type(stage: StageModel) -> Mapping[NodeType, list[tuple[int, Node]]]:
     """Map each type to its live nodes, numbered as the stage has them."""
     by_type: dict[NodeType, list[tuple[int, Node]]] = {}
-    for numbered in enumerate(live_nodes(stage, platform).values()):
+    for numbered in enumerate(live_nodes(stage).values()):
         if numbered[1].type is not None:
             by_type.setdefault(numbered[1].type, []).append(numbered)
     return by_type
 
 
-def nodes_of(
-    asked: Callable[[NodeType], object], stage: StageModel, platform: Platform
-) -> list[Node]:
+def nodes_of(asked: Callable[[NodeType], object], stage: StageModel) -> list[Node]:
     """Return the live nodes of the types asked for, in the order of the stage."""
-    groups = (nodes for kind, nodes in _by_type(stage, platform).items() if asked(kind))
+    groups = (nodes for kind, nodes in _by_type(stage).items() if asked(kind))
     return [node for _, node in sorted(numbered for nodes in groups for numbered in nodes)]
 
 
 @once_per_stage
-def run_states(stage: StageModel, platform: Platform) -> dict[str, State]:
+def run_states(stage: StageModel) -> dict[str, State]:
     """Return how surely each node runs while the timeline plays, by path.
 
     A node runs when a signal of an event reaches it over execution wires in a graph that is
@@ -82,21 +80,20 @@ def run_states(stage: StageModel, platform: Platform) -> dict[str, State]:
     signal on. A publisher or subscriber that is signalled a single time does not run: the first
     signal opens it, the second would have it work. Nodes that are not named do not run.
     """
-    return states_without(stage, platform)
+    return states_without(stage)
 
 
 @once_per_stage
-def nodes_of_their_own(stage: StageModel, platform: Platform) -> Nodes:
+def nodes_of_their_own(stage: StageModel) -> Nodes:
     """Return the nodes that run or may run without somebody at the screen, by path."""
-    live = live_nodes(stage, platform)
-    if platform.by_hand.isdisjoint(node.type_name for node in live.values()):
-        return running_nodes(stage, platform)
-    return {path: live[path] for path in states_without(stage, platform, platform.by_hand)}
+    live = live_nodes(stage)
+    if stage.platform.by_hand.isdisjoint(node.type_name for node in live.values()):
+        return running_nodes(stage)
+    return {path: live[path] for path in states_without(stage, stage.platform.by_hand)}
 
 
 def states_without(
     stage: StageModel,
-    platform: Platform,
     quiet: Container[str] = (),
     stuck: Container[str] = (),
 ) -> dict[str, State]:
@@ -104,31 +101,33 @@ def states_without(
 
     Nodes with the paths `stuck` run, and pass no signal on.
     """
-    live = live_nodes(stage, platform)
+    live = live_nodes(stage)
     computing: dict[str, Node] = {}
     states: dict[str, State] = {}
     for graph in stage.graphs:
         nodes = {node.path: node for node in graph.nodes if node.path in live}
-        if not nodes or not is_graph_evaluated(graph, stage, platform):
+        if not nodes or not is_graph_evaluated(graph, stage):
             continue
         computing.update(nodes)
-        form = platform.graph.evaluation
-        evaluator = _attribute(graph, form.evaluator, platform)
-        if evaluator == platform.graph.value(form.evaluator):
-            starts = _starts(graph, nodes, live, platform)
+        form = stage.platform.graph.evaluation
+        evaluator = _attribute(graph, form.evaluator, stage.platform)
+        if evaluator == stage.platform.graph.value(form.evaluator):
+            starts = _starts(graph, nodes, live, stage.platform)
             states.update((path, s) for path, s in starts if nodes[path].type_name not in quiet)
             continue
-        pace = _attribute(graph, form.stage, platform)
-        is_usual = pace in (platform.graph.value(form.stage), *form.on_demand)
+        pace = _attribute(graph, form.stage, stage.platform)
+        is_usual = pace in (stage.platform.graph.value(form.stage), *form.on_demand)
         # Isaac Sim should load no graph of an instance.
         is_certain = is_usual and not graph.instanced and evaluator in form.all_nodes
         states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
-    lasting, once = _followers(computing, platform)
-    unsure = {path for path, node in computing.items() if _is_unsure(node, platform)}
-    shut = {path for path in {**lasting, **once} if not _passes_on(live[path], live, platform)}
+    lasting, once = _followers(computing, stage.platform)
+    unsure = {path for path, node in computing.items() if _is_unsure(node, stage.platform)}
+    shut = {
+        path for path in {**lasting, **once} if not _passes_on(live[path], live, stage.platform)
+    }
     # A single signal never opens a gate that counts to more.
-    gates = [node for node in computing.values() if node.type_name in platform.gates]
-    counting = {node.path for node in gates if gate_step(node, live, platform) > 1}
+    gates = [node for node in computing.values() if node.type_name in stage.platform.gates]
+    counting = {node.path for node in gates if gate_step(node, live, stage.platform) > 1}
     once = {path: some for path, some in once.items() if path not in counting}
     for followers in (lasting, once):
         passing = {
@@ -140,18 +139,18 @@ def states_without(
 
 
 @once_per_stage
-def running_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
+def running_nodes(stage: StageModel) -> LiveNodes:
     """Return the nodes that run or may run, by path."""
-    live = live_nodes(stage, platform)
-    return LiveNodes((live[path] for path in run_states(stage, platform)), live.variables)
+    live = live_nodes(stage)
+    return LiveNodes((live[path] for path in run_states(stage)), live.variables)
 
 
-def severity_if_uncertain(stage: StageModel, platform: Platform, *paths: str) -> Severity | None:
+def severity_if_uncertain(stage: StageModel, *paths: str) -> Severity | None:
     """Return how grave a fault is that needs all these nodes to run, None for the rule's own.
 
     Where one of them only may run, the fault may not show: a warning.
     """
-    states = run_states(stage, platform)
+    states = run_states(stage)
     return "warning" if any(states.get(path) == "may run" for path in paths) else None
 
 
@@ -160,20 +159,20 @@ def _attribute(graph: GraphModel, name: str, platform: Platform) -> Value | None
     return graph.attributes.get(name, platform.graph.value(name))
 
 
-def is_graph_evaluated(graph: GraphModel, stage: StageModel, platform: Platform) -> bool:
+def is_graph_evaluated(graph: GraphModel, stage: StageModel) -> bool:
     """Whether anything at all is computed in the graph while the timeline plays."""
-    return not unevaluated_by(graph, stage, platform)
+    return not unevaluated_by(graph, stage)
 
 
-def unevaluated_by(graph: GraphModel, stage: StageModel, platform: Platform) -> str:
+def unevaluated_by(graph: GraphModel, stage: StageModel) -> str:
     """Return the attribute that keeps a graph from being evaluated, '' for none."""
-    known = _unevaluated(stage, platform)
-    return known[graph.path] if graph.path in known else _what_stops(graph, stage, platform)
+    known = _unevaluated(stage)
+    return known[graph.path] if graph.path in known else _what_stops(graph, stage)
 
 
 @once_per_stage
-def _unevaluated(stage: StageModel, platform: Platform) -> dict[str, str]:
-    return {graph.path: _what_stops(graph, stage, platform) for graph in stage.graphs}
+def _unevaluated(stage: StageModel) -> dict[str, str]:
+    return {graph.path: _what_stops(graph, stage) for graph in stage.graphs}
 
 
 @once_per_stage
@@ -183,14 +182,14 @@ def _referenced(stage: StageModel, name: str) -> frozenset[str]:
     return frozenset(path for prim in prims for path in prim.relationships.get(name, ()))
 
 
-def _what_stops(graph: GraphModel, stage: StageModel, platform: Platform) -> str:
-    form = platform.graph.evaluation
-    is_by_reference = _attribute(graph, form.mode, platform) in form.by_reference
+def _what_stops(graph: GraphModel, stage: StageModel) -> str:
+    form = stage.platform.graph.evaluation
+    is_by_reference = _attribute(graph, form.mode, stage.platform) in form.by_reference
     if is_by_reference and graph.path not in _referenced(stage, form.reference):
         return form.mode
-    pace = _attribute(graph, form.stage, platform)
+    pace = _attribute(graph, form.stage, stage.platform)
     is_on_demand = pace in form.on_demand
-    is_asked = is_on_demand and any(event_of(node, platform) == pace for node in graph.nodes)
+    is_asked = is_on_demand and any(event_of(node, stage.platform) == pace for node in graph.nodes)
     return form.stage if is_on_demand and not is_asked else ""
 
 

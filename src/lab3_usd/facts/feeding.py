@@ -14,7 +14,6 @@ from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.sensor_topics import frame_prims
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 
@@ -38,18 +37,18 @@ def feeding_nodes(node: Node, live: Nodes) -> list[Node]:
 
 
 @once_per_stage
-def commanded_robots(stage: StageModel, platform: Platform) -> Mapping[tuple[str, str], str]:
+def commanded_robots(stage: StageModel) -> Mapping[tuple[str, str], str]:
     """Return the first body of the robot that each topic of commands moves, by domain and topic.
 
     A topic that moves several robots is left out.
     """
-    live, bodies = live_nodes(stage, platform), joined_bodies(stage)
+    live, bodies = live_nodes(stage), joined_bodies(stage)
     topics = {
         end.node.path: (end.domain.name, str(end.topic))
-        for end in running_endpoints(stage, platform, "subscribes")
+        for end in running_endpoints(stage, "subscribes")
     }
     moved: dict[tuple[str, str], set[str]] = {}
-    for command in commands(stage, platform):
+    for command in commands(stage):
         robots = {robot for root in command.roots if (robot := bodies.owner(root))}
         for node in feeding_nodes(command.node, live) if robots else ():
             if node.path in topics:
@@ -58,13 +57,13 @@ def commanded_robots(stage: StageModel, platform: Platform) -> Mapping[tuple[str
 
 
 @once_per_stage
-def robot_spaces(stage: StageModel, platform: Platform) -> Mapping[tuple[str, str], str]:
+def robot_spaces(stage: StageModel) -> Mapping[tuple[str, str], str]:
     """Return the namespaces in which one robot alone is commanded, by domain, with its first body.
 
     What is below a namespace counts as in it.
     """
     spaces: dict[tuple[str, str], set[str]] = {}
-    for (domain, topic), robot in commanded_robots(stage, platform).items():
+    for (domain, topic), robot in commanded_robots(stage).items():
         space = topic.rpartition("/")[0]
         while space:
             spaces.setdefault((domain, space), set()).add(robot)
@@ -85,17 +84,17 @@ class MisnamedPose(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def misnamed_poses(stage: StageModel, platform: Platform) -> tuple[MisnamedPose, ...]:
+def misnamed_poses(stage: StageModel) -> tuple[MisnamedPose, ...]:
     """Return the poses of bodies that are sent under the frame of another one."""
-    return tuple(_misnamed_poses(stage, platform))
+    return tuple(_misnamed_poses(stage))
 
 
-def _misnamed_poses(stage: StageModel, platform: Platform) -> Iterator[MisnamedPose]:
-    live, bodies = live_nodes(stage, platform), joined_bodies(stage)
-    known = frame_prims(stage, platform)
+def _misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
+    live, bodies = live_nodes(stage), joined_bodies(stage)
+    known = frame_prims(stage)
     moving: dict[tuple[str, str], set[str]] = {}  # by domain and frame: what it moves with
-    followers = {followed.node.path: followed for followed in followed_bodies(stage, platform)}
-    for end in running_endpoints(stage, platform, "publishes") if followers else ():
+    followers = {followed.node.path: followed for followed in followed_bodies(stage)}
+    for end in running_endpoints(stage, "publishes") if followers else ():
         kind = end.node.type
         frames = () if kind is None else (tf_ports(end.node).names or kind.frames)
         if len(frames) != len(("parent", "child")):

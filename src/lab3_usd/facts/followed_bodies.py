@@ -39,21 +39,23 @@ class Followed(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def followed_bodies(stage: StageModel, platform: Platform) -> tuple[Followed, ...]:
+def followed_bodies(stage: StageModel) -> tuple[Followed, ...]:
     """Return the nodes that follow a prim."""
-    return tuple(_followed_bodies(stage, platform))
+    return tuple(_followed_bodies(stage))
 
 
-def _followed_bodies(stage: StageModel, platform: Platform) -> Iterator[Followed]:
-    for node in nodes_of(lambda kind: kind.type in platform.bodies, stage, platform):
-        demand = _demand(node, platform)
+def _followed_bodies(stage: StageModel) -> Iterator[Followed]:
+    for node in nodes_of(lambda kind: kind.type in stage.platform.bodies, stage):
+        demand = _demand(node, stage.platform)
         prim = None if demand is None else stage.prim(_first(node.targets(INPUT + demand.prim)))
         if demand is None or prim is None:
             continue
         path = prim.path
-        is_robot = demand.robot in prim.apis and is_within(platform.release, demand.robot_since, "")
+        is_robot = demand.robot in prim.apis and is_within(
+            stage.platform.release, demand.robot_since, ""
+        )
         if is_robot and not _is_body(prim, demand):
-            path = _first(_links(prim, demand, stage, platform))
+            path = _first(_links(prim, demand, stage))
         yield Followed(node, demand, prim, stage.prim(path), stage.unknown(prim.path, path))
 
 
@@ -69,9 +71,7 @@ def _demand(node: Node, platform: Platform) -> BodyOf | None:
     return None if node.type is None else platform.bodies.get(node.type.type)
 
 
-def _links(
-    robot: Prim, demand: BodyOf, stage: StageModel, platform: Platform, depth: int = 8
-) -> Iterator[str]:
+def _links(robot: Prim, demand: BodyOf, stage: StageModel, depth: int = 8) -> Iterator[str]:
     """Yield the links of a robot and of the robots that it lists, and those that are unknown."""
     if demand.link in robot.apis:
         yield robot.path
@@ -79,16 +79,16 @@ def _links(
         for path in robot.relationships.get(demand.links, ()):
             listed = stage.prim(path)
             if listed is not None:
-                yield from _links(listed, demand, stage, platform, depth - 1)
+                yield from _links(listed, demand, stage, depth - 1)
             elif stage.unknown(path):
                 yield path
 
 
-def moving_source(node: Node, stage: StageModel, platform: Platform) -> Node | None:
+def moving_source(node: Node, stage: StageModel) -> Node | None:
     """Return the node that follows a body and gives what comes into another one, None for none."""
     for port in node.ports:
-        for source, out in live_sources(node, port, live_nodes(stage, platform)):
-            demand = _demand(source, platform)
+        for source, out in live_sources(node, port, live_nodes(stage)):
+            demand = _demand(source, stage.platform)
             if demand is not None and out.removeprefix(OUTPUT) in demand.gives:
                 return source
     return None

@@ -11,7 +11,6 @@ from collections.abc import Container, Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from lab3_usd.isaac.node_types import TfPorts
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODIES,
@@ -231,13 +230,13 @@ def parent_prim(node: Node) -> str:
     return next(iter(node.targets(ports[0])), "") if ports else ""
 
 
-def parent_frame(node: Node, stage: StageModel, platform: Platform) -> str:
+def parent_frame(node: Node, stage: StageModel) -> str:
     """Return the frame below which a node hangs those that have no other parent."""
     prim = parent_prim(node)
-    return frame_name(prim, stage) if prim else platform.world_frame
+    return frame_name(prim, stage) if prim else stage.platform.world_frame
 
 
-def computed_pairs(node: Node, stage: StageModel, platform: Platform) -> Sequence[Pair]:
+def computed_pairs(node: Node, stage: StageModel) -> Sequence[Pair]:
     """Return the frames that a node's target prims give, in the order of the targets.
 
     Targets that do not exist, and those whose frames only a missing asset knows, give
@@ -245,22 +244,20 @@ def computed_pairs(node: Node, stage: StageModel, platform: Platform) -> Sequenc
     """
     if not listed_targets(node):
         return ()
-    known = _pairs_of_nodes(stage, platform)
+    known = _pairs_of_nodes(stage)
     found = known.get(node.path)
     if found is None or found[0] is not node:
-        found = known[node.path] = node, _pairs_of(node, stage, platform)
+        found = known[node.path] = node, _pairs_of(node, stage)
     return found[1]
 
 
 @once_per_stage
-def _pairs_of_nodes(
-    _stage: StageModel, _platform: Platform
-) -> dict[str, tuple[Node, Sequence[Pair]]]:
+def _pairs_of_nodes(_stage: StageModel) -> dict[str, tuple[Node, Sequence[Pair]]]:
     """Keep the frames of each node by its path, which several rules ask for."""
     return {}
 
 
-def _pairs_of(node: Node, stage: StageModel, platform: Platform) -> Sequence[Pair]:
+def _pairs_of(node: Node, stage: StageModel) -> Sequence[Pair]:
     sources: list[tuple[str, str]] = []  # target prim, prim of the frame
     links: Links = {}
     expanded: set[str] = set()
@@ -277,7 +274,7 @@ def _pairs_of(node: Node, stage: StageModel, platform: Platform) -> Sequence[Pai
         first = [parent_prim(node)] if parent_prim(node) else []
         names = names_in_turn([*first, *paths], stage)[len(first) :]
     frames = {**_bodies_above(paths, node, stage), **dict(zip(paths, names, strict=True))}
-    top = parent_frame(node, stage, platform)
+    top = parent_frame(node, stage)
     pairs = [
         Pair(frames.get(links[path], top), name, target, path, target in expanded)
         for (target, path), name in zip(sources, names, strict=True)

@@ -35,7 +35,6 @@ from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.stuck_nodes import working_nodes, working_states
 from lab3_usd.facts.tree import Tree, tree
 from lab3_usd.isaac.node_types import TfPorts
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _STATIC = "_static"  # what the topic of transforms that never change has more
@@ -76,7 +75,6 @@ class _Scene(Struct, frozen=True):
     """What the computation looks things up in."""
 
     stage: StageModel
-    platform: Platform
     live_nodes: Nodes
     running: Nodes
 
@@ -95,54 +93,50 @@ class PublishedTransforms(Struct, frozen=True):
 
 
 @once_per_stage
-def published_transforms(stage: StageModel, platform: Platform) -> tuple[PublishedTransforms, ...]:
+def published_transforms(stage: StageModel) -> tuple[PublishedTransforms, ...]:
     """Return what each publisher of transforms sends: to the topics of tf2 first, then to others.
 
     All graphs count. A node publishes when an event reaches it over execution wires; the order
     is that of the nodes and their targets.
     """
-    scene = _Scene(stage, platform, live_nodes(stage, platform), working_nodes(stage, platform))
-    own = platform.ros.tree_topics
-    senders = sorted(
-        _transform_publishers(stage, platform), key=lambda sender: sender[1] not in own
-    )
+    scene = _Scene(stage, live_nodes(stage), working_nodes(stage))
+    own = stage.platform.ros.tree_topics
+    senders = sorted(_transform_publishers(stage), key=lambda sender: sender[1] not in own)
     return tuple(_published_by(node, topic, scene) for node, topic in senders)
 
 
 @once_per_stage
-def all_edges(stage: StageModel, platform: Platform) -> tuple[Edge, ...]:
+def all_edges(stage: StageModel) -> tuple[Edge, ...]:
     """Return every transform that the stage publishes, on whatever topic."""
-    return tuple(
-        edge for sent in published_transforms(stage, platform) for edge in sent.edges or ()
-    )
+    return tuple(edge for sent in published_transforms(stage) for edge in sent.edges or ())
 
 
 @once_per_stage
-def published_edges(stage: StageModel, platform: Platform) -> tuple[Edge, ...]:
+def published_edges(stage: StageModel) -> tuple[Edge, ...]:
     """Return the transforms on the topics that tf2 listens to by itself."""
-    own = platform.ros.tree_topics
-    return tuple(edge for edge in all_edges(stage, platform) if edge.topic in own)
+    own = stage.platform.ros.tree_topics
+    return tuple(edge for edge in all_edges(stage) if edge.topic in own)
 
 
-def unknown_publishers(stage: StageModel, platform: Platform) -> tuple[str, ...]:
+def unknown_publishers(stage: StageModel) -> tuple[str, ...]:
     """Return the nodes that publish, as `published_edges`, frames that no stage defines."""
-    own = platform.ros.tree_topics
+    own = stage.platform.ros.tree_topics
     return tuple(
         sent.publisher.path
-        for sent in published_transforms(stage, platform)
+        for sent in published_transforms(stage)
         if sent.edges is None and sent.topic in own
     )
 
 
-def all_unresolved_frames(stage: StageModel, platform: Platform) -> tuple[UnresolvedFrames, ...]:
+def all_unresolved_frames(stage: StageModel) -> tuple[UnresolvedFrames, ...]:
     """Return the frames that only a missing asset could tell, as `all_edges`."""
-    return tuple(hidden for sent in published_transforms(stage, platform) for hidden in sent.hidden)
+    return tuple(hidden for sent in published_transforms(stage) for hidden in sent.hidden)
 
 
-def unresolved_frames(stage: StageModel, platform: Platform) -> tuple[UnresolvedFrames, ...]:
+def unresolved_frames(stage: StageModel) -> tuple[UnresolvedFrames, ...]:
     """Return the frames that only a missing asset could tell, as `published_edges`."""
-    own = platform.ros.tree_topics
-    hidden = all_unresolved_frames(stage, platform)
+    own = stage.platform.ros.tree_topics
+    hidden = all_unresolved_frames(stage)
     return tuple(frames for frames in hidden if frames.topic in own)
 
 
@@ -169,9 +163,9 @@ class HeardTree(Struct, frozen=True):
 
 
 @once_per_stage
-def heard_trees(stage: StageModel, platform: Platform) -> tuple[HeardTree, ...]:
+def heard_trees(stage: StageModel) -> tuple[HeardTree, ...]:
     """Return the trees that a stage publishes, as `trees_of`."""
-    return trees_of(all_edges(stage, platform))
+    return trees_of(all_edges(stage))
 
 
 def robots_shown(edges: Iterable[Edge], stage: StageModel) -> set[str]:
@@ -182,9 +176,9 @@ def robots_shown(edges: Iterable[Edge], stage: StageModel) -> set[str]:
 
 
 @once_per_stage
-def frames_in(stage: StageModel, platform: Platform, domain: str) -> frozenset[str]:
+def frames_in(stage: StageModel, domain: str) -> frozenset[str]:
     """Return the frames that are published in a domain, on whatever topic."""
-    trees = (heard.tree for heard in heard_trees(stage, platform) if heard.domain == domain)
+    trees = (heard.tree for heard in heard_trees(stage) if heard.domain == domain)
     edges = (edge for heard in trees for edge in heard.edges)
     return frozenset(name for edge in edges for name in (edge.parent, edge.child))
 
@@ -215,32 +209,30 @@ class SharedTopic(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def shared_tf_topics(stage: StageModel, platform: Platform) -> tuple[SharedTopic, ...]:
+def shared_tf_topics(stage: StageModel) -> tuple[SharedTopic, ...]:
     """Return the topics that a common namespace gives to the transforms of several robots.
 
     Of several namespaces above a TF publisher only the outermost counts (Ros2Node.h:227-275).
     """
-    live = live_nodes(stage, platform)
+    live = live_nodes(stage)
     found: dict[tuple[str, str, str], dict[str, list[str]]] = {}
-    for heard in heard_trees(stage, platform):
+    for heard in heard_trees(stage):
         for path in dict.fromkeys(edge.publisher for edge in heard.tree.edges):
             node = live[path]
-            prims = moving_prims(node, stage, platform, live)
+            prims = moving_prims(node, stage, live)
             if prims and len(node.namespaces) > 1:
                 key = (heard.domain, heard.topic, prims[0][0])
                 found.setdefault(key, {}).setdefault("/".join(node.namespaces), []).append(path)
-    return tuple(
-        _shared(stage, platform, key, spaces) for key, spaces in found.items() if len(spaces) > 1
-    )
+    return tuple(_shared(stage, key, spaces) for key, spaces in found.items() if len(spaces) > 1)
 
 
 def _shared(
-    stage: StageModel, platform: Platform, key: tuple[str, str, str], spaces: dict[str, list[str]]
+    stage: StageModel, key: tuple[str, str, str], spaces: dict[str, list[str]]
 ) -> SharedTopic:
     domain, topic, prim = key
     space_of = {path: space for space, paths in spaces.items() for path in paths}
     senders: dict[str, set[str]] = {}
-    for heard in heard_trees(stage, platform):
+    for heard in heard_trees(stage):
         for edge in heard.tree.edges if (heard.domain, heard.topic) == (domain, topic) else ():
             if edge.publisher in space_of:
                 senders.setdefault(edge.child, set()).add(space_of[edge.publisher])
@@ -251,38 +243,36 @@ def _shared(
 
 
 @once_per_stage
-def is_tree_known(stage: StageModel, platform: Platform) -> bool:
+def is_tree_known(stage: StageModel) -> bool:
     """Whether all frames are known: no node and no asset hides some, and every publisher works.
 
     The fault of a publisher that sends nothing is reported at that publisher.
     """
-    sending = {edge.publisher for edge in all_edges(stage, platform)}
+    sending = {edge.publisher for edge in all_edges(stage)}
     idle = [
         node
-        for node in live_nodes(stage, platform).values()
+        for node in live_nodes(stage).values()
         if node.type is not None and node.type.tf is not None and node.type.role
         if node.path not in sending
     ]
-    sent = published_transforms(stage, platform)
+    sent = published_transforms(stage)
     return not (idle or any(transforms.edges is None or transforms.hidden for transforms in sent))
 
 
 @once_per_stage
-def _transform_publishers(stage: StageModel, platform: Platform) -> tuple[tuple[Node, str], ...]:
+def _transform_publishers(stage: StageModel) -> tuple[tuple[Node, str], ...]:
     """Return the running nodes that publish transforms, with the topic they publish on."""
-    live, senders = live_nodes(stage, platform), list[tuple[Node, str]]()
-    for node in working_nodes(stage, platform).values():
+    live, senders = live_nodes(stage), list[tuple[Node, str]]()
+    for node in working_nodes(stage).values():
         kind = node.type
         if kind is None or kind.role != "publisher":
             continue
         message = message_type(node, kind, kind.topics[0], live)
-        if kind.tf is None and message not in platform.transform_messages:
+        if kind.tf is None and message not in stage.platform.transform_messages:
             continue
         written = effective_value(node, kind.topics[0], live)
         topic = (
-            resolve(namespace_of(node, stage, platform, live), written)
-            if isinstance(written, str)
-            else None
+            resolve(namespace_of(node, stage, live), written) if isinstance(written, str) else None
         )
         if topic is not None:
             senders.append((node, topic))
@@ -300,10 +290,10 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
             return PublishedTransforms(node, topic, None)
         parent, child = tf2_name(parent), tf2_name(child)
         edge = Edge(parent, child, node.path, node.path, topic, static)
-        domain = domain_of(node, scene.live_nodes, scene.platform)
+        domain = domain_of(node, scene.live_nodes, scene.stage.platform)
         edge = replace(edge, sure=_is_sure(scene, node), domain=domain)
         return PublishedTransforms(node, topic, (edge,))
-    domain = domain_of(node, scene.live_nodes, scene.platform)
+    domain = domain_of(node, scene.live_nodes, scene.stage.platform)
     written = _written_frames(node, ports, scene)
     if written is not None:
         is_sure = _is_sure(scene, node)
@@ -325,7 +315,7 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
             expanded=pair.expanded, sure=is_sure, domain=domain,
         )  # fmt: skip
         edges.append(edge)
-    top = parent_frame(maker, scene.stage, scene.platform)
+    top = parent_frame(maker, scene.stage)
     hidden = tuple(
         replace(frames, parent=top, publisher=node.path, cause=maker.path, topic=topic)
         for frames in (unresolved_frames_of(maker, scene.stage) if arrays.is_filled else ())
@@ -351,7 +341,7 @@ def _written_frames(node: Node, ports: TfPorts, scene: _Scene) -> list[tuple[str
 
 
 def _is_sure(scene: _Scene, *nodes: Node) -> bool:
-    states = working_states(scene.stage, scene.platform)
+    states = working_states(scene.stage)
     # A node that is only read has no state.
     return not any(states.get(node.path) == "may run" for node in nodes)
 
@@ -392,7 +382,7 @@ def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
         targets = listed_targets(node)
         if any(not stage.prim(path) and not unknown_target(path, stage) for path in targets):
             return _Arrays(node, is_filled=False)
-        return _Arrays(node, computed_pairs(node, stage, scene.platform))
+        return _Arrays(node, computed_pairs(node, stage))
     if not all(makers.values()):
         return _Arrays(node, is_filled=False)
     maker = first[0][0]
@@ -400,5 +390,5 @@ def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
     sources = [makers[port][0] for port in ports.arrays]
     if not gives or any(source.path != maker.path or out not in gives for source, out in sources):
         return None
-    pairs = computed_pairs(maker, stage, scene.platform)
+    pairs = computed_pairs(maker, stage)
     return _Arrays(maker, pairs, tuple(gives.index(out) for _, out in sources))

@@ -13,27 +13,21 @@ from lab3_usd.model.stage import Node, StageModel
 _COMPONENTS = ("x", "y", "z")
 
 
-def unit_of(
-    node: Node, port: str, stage: StageModel, platform: Platform, depth: int = 8
-) -> float | None:
+def unit_of(node: Node, port: str, stage: StageModel, depth: int = 8) -> float | None:
     """Return how many metres are 1 in what comes into an input, None where nothing tells it."""
-    fed = _only_source(node, port, stage, platform) if depth else None
+    fed = _only_source(node, port, stage) if depth else None
     if fed is None:
         return None
     source, out = fed
-    units = _units(source, platform)
+    units = _units(source, stage.platform)
     if units is None or out in units.metres:
         return None if units is None else 1.0
-    unit = (
-        unit_of(source, INPUT + units.passes, stage, platform, depth - 1) if units.passes else None
-    )
+    unit = unit_of(source, INPUT + units.passes, stage, depth - 1) if units.passes else None
     if unit is None or not units.by:
         return unit
     stage_unit = stage.meters_per_unit or 1.0
     factors = {units.to_stage: stage_unit, units.to_metres: 1.0 / stage_unit}
-    factor = factors.get(
-        str(effective_value(source, INPUT + units.by, live_nodes(stage, platform)))
-    )
+    factor = factors.get(str(effective_value(source, INPUT + units.by, live_nodes(stage))))
     return None if factor is None else unit * factor
 
 
@@ -48,35 +42,32 @@ def quantity_of(
     node: Node,
     port: str,
     stage: StageModel,
-    platform: Platform,
     component: str = "",
     depth: int = 8,
 ) -> Quantity | None:
     """Return the quantity that comes into an input, None where nothing tells it."""
-    fed = _only_source(node, port, stage, platform) if depth else None
+    fed = _only_source(node, port, stage) if depth else None
     if fed is None:
         return None
     source, out = fed
-    known = None if source.type is None else platform.quantities.get(source.type.type)
+    known = None if source.type is None else stage.platform.quantities.get(source.type.type)
     if known is not None and out in known.gives:
         name = known.gives[out]
         return Quantity(f"{name}, {component}" if component else name, source)
-    units = _units(source, platform)
+    units = _units(source, stage.platform)
     if units is None or not units.passes:
         return None
     part = out if out in _COMPONENTS else component
-    return quantity_of(source, INPUT + units.passes, stage, platform, part, depth - 1)
+    return quantity_of(source, INPUT + units.passes, stage, part, depth - 1)
 
 
 def _units(node: Node, platform: Platform) -> UnitOf | None:
     return None if node.type is None else platform.units.get(node.type.type)
 
 
-def _only_source(
-    node: Node, port: str, stage: StageModel, platform: Platform
-) -> tuple[Node, str] | None:
+def _only_source(node: Node, port: str, stage: StageModel) -> tuple[Node, str] | None:
     """Return the node and the output, by its short name, that alone feed an input."""
-    sources = live_sources(node, port, live_nodes(stage, platform))
+    sources = live_sources(node, port, live_nodes(stage))
     if len(sources) != 1:
         return None
     source, out = sources[0]

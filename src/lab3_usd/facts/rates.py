@@ -22,20 +22,18 @@ from lab3_usd.model.stage import Node, StageModel
 _SKIPPED = "inputs:frameSkipCount"  # frames of the sensor that a helper leaves out after each
 
 
-def rate_source(
-    node: Node, stage: StageModel, platform: Platform, running: Nodes, *, static: bool
-) -> str:
+def rate_source(node: Node, stage: StageModel, running: Nodes, *, static: bool) -> str:
     """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
-    state = run_states(stage, platform).get(node.path)
+    state = run_states(stage).get(node.path)
     if state is None:
         return "never"
-    event = ", ".join(dict.fromkeys(_events(node, platform, running))) or "every update"
+    event = ", ".join(dict.fromkeys(_events(node, stage.platform, running))) or "every update"
     event = event if state == "runs" else f"perhaps {event}"
     if static:
         return f"once after {event}"
     sensor = _camera_named(node, stage, running) or sensor_of(node, running)
     prim = None if sensor is None else stage.prim(sensor)
-    rate = 0.0 if prim is None else _rate(prim, platform, stage)
+    rate = 0.0 if prim is None else _rate(prim, stage)
     skipped = effective_value(node, _SKIPPED, running)
     rate /= skipped + 1 if isinstance(skipped, int) and skipped > 0 else 1
     return f"sensor at {rate:g} Hz" if rate > 0 else event
@@ -54,9 +52,9 @@ def _camera_named(node: Node, stage: StageModel, live: Nodes) -> str | None:
     return None
 
 
-def _rate(prim: Prim, platform: Platform, stage: StageModel) -> float:
+def _rate(prim: Prim, stage: StageModel) -> float:
     """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
-    return values_of(prim, platform, stage).number(platform.sensor_models.lidar.rate) or 0.0
+    return values_of(prim, stage).number(stage.platform.sensor_models.lidar.rate) or 0.0
 
 
 def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:

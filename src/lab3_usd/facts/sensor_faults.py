@@ -54,17 +54,17 @@ class SensorFault(Struct, frozen=True):
         )
 
 
-def faults_of(prim: Prim, platform: Platform, stage: StageModel) -> tuple[SensorFault, ...]:
+def faults_of(prim: Prim, stage: StageModel) -> tuple[SensorFault, ...]:
     """Return what is wrong with the values of a sensor's prim."""
-    return _faults_at(stage, platform, prim.path)
+    return _faults_at(stage, prim.path)
 
 
 @once_per_stage
-def _faults_at(stage: StageModel, platform: Platform, path: str) -> tuple[SensorFault, ...]:
+def _faults_at(stage: StageModel, path: str) -> tuple[SensorFault, ...]:
     prim = stage.prims[path]
     # A missing asset may be above one of several that are alike.
     alike = (prim.type, prim.apis, stage.unknown(path) is None)
-    return known_faults(platform, values_of(prim, platform, stage), alike)
+    return known_faults(stage.platform, values_of(prim, stage), alike)
 
 
 def known_faults(

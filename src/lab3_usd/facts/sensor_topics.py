@@ -16,7 +16,6 @@ from lab3_usd.facts.frame_targets import parent_frame, parent_prim
 from lab3_usd.facts.frames import all_edges, heard_trees
 from lab3_usd.facts.render_products import Shown, shown_by
 from lab3_usd.isaac.behaviour import SensorOf
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports, product_input
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, once_per_stage
@@ -40,16 +39,16 @@ class SensorTopic(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def sensor_topics(stage: StageModel, platform: Platform) -> tuple[SensorTopic, ...]:
+def sensor_topics(stage: StageModel) -> tuple[SensorTopic, ...]:
     """Return the topics of sensors that are sent, where sensor and frame are known."""
-    return tuple(_sensor_topics(stage, platform))
+    return tuple(_sensor_topics(stage))
 
 
-def _sensor_topics(stage: StageModel, platform: Platform) -> Iterator[SensorTopic]:
-    live = live_nodes(stage, platform)
-    for endpoint in endpoints(stage, platform):
+def _sensor_topics(stage: StageModel) -> Iterator[SensorTopic]:
+    live = live_nodes(stage)
+    for endpoint in endpoints(stage):
         node, kind = endpoint.node, endpoint.node.type
-        reads = None if kind is None else platform.sensors.get(kind.type)
+        reads = None if kind is None else stage.platform.sensors.get(kind.type)
         if kind is None or reads is None or endpoint.type is None or not endpoint.runs:
             continue
         product = product_input(endpoint.port)
@@ -59,7 +58,7 @@ def _sensor_topics(stage: StageModel, platform: Platform) -> Iterator[SensorTopi
         frame = effective_value(node, port, live) if port else None
         if shown is None or sensor is None or not isinstance(frame, str):
             continue
-        former = reads.schemas_in(platform.release)
+        former = reads.schemas_in(stage.platform.release)
         if sensor.type not in reads.types and former.isdisjoint(sensor.apis):
             continue
         products = (product_input(topic) for topic in kind.topics)
@@ -69,34 +68,34 @@ def _sensor_topics(stage: StageModel, platform: Platform) -> Iterator[SensorTopi
 
 
 @once_per_stage
-def frame_prims(stage: StageModel, platform: Platform) -> Mapping[tuple[str, str], tuple[str, ...]]:
+def frame_prims(stage: StageModel) -> Mapping[tuple[str, str], tuple[str, ...]]:
     """Return the prims whose places the frames of each domain have, by domain and frame."""
     found: dict[tuple[str, str], dict[str, None]] = {}
-    live = live_nodes(stage, platform)
-    for edge in all_edges(stage, platform):
+    live = live_nodes(stage)
+    for edge in all_edges(stage):
         maker = live[edge.cause]
         above = parent_prim(maker)
         if edge.prim:
             found.setdefault((edge.domain.name, edge.child), {})[edge.prim] = None
-            if stage.prim(above) and edge.parent == parent_frame(maker, stage, platform):
+            if stage.prim(above) and edge.parent == parent_frame(maker, stage):
                 found.setdefault((edge.domain.name, edge.parent), {})[above] = None
     return {key: tuple(prims) for key, prims in found.items()}
 
 
 @once_per_stage
-def resting_frames(stage: StageModel, platform: Platform) -> frozenset[tuple[str, str]]:
+def resting_frames(stage: StageModel) -> frozenset[tuple[str, str]]:
     """Return the frames that stay where they are while robots move, by domain: as `odom` does.
 
     They are above a transform that follows a body, or the world's, below which prims hang that
     have no other parent.
     """
-    live, known = live_nodes(stage, platform), frame_prims(stage, platform)
+    live, known = live_nodes(stage), frame_prims(stage)
     resting: set[tuple[str, str]] = set()
-    for heard in heard_trees(stage, platform):
+    for heard in heard_trees(stage):
         for edge in heard.tree.edges:
             maker = live[edge.cause]
-            is_odometry = edge.prim is None and moving_source(maker, stage, platform) is not None
-            is_world = edge.prim is not None and edge.parent == platform.world_frame
+            is_odometry = edge.prim is None and moving_source(maker, stage) is not None
+            is_world = edge.prim is not None and edge.parent == stage.platform.world_frame
             if is_odometry or (is_world and not parent_prim(maker)):
                 above = (edge.parent, *heard.tree.above(edge.parent))
                 resting.update((heard.domain, name) for name in above)

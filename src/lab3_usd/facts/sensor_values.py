@@ -55,15 +55,15 @@ def sensor_values(
     return SensorValues(applied, platform.sensor_models.attributes_of(applied), written)
 
 
-def values_of(prim: Prim, platform: Platform, stage: StageModel) -> SensorValues:
+def values_of(prim: Prim, stage: StageModel) -> SensorValues:
     """Return the values of a sensor's prim.
 
     A missing asset is taken to bring the schema that nodes need of a sensor of this type.
     """
     if stage.unknown(prim.path) is None:
-        return sensor_values(platform, prim.apis, prim.attributes)
-    needed = (each.needs for each in platform.sensors.values() if prim.type in each.types)
-    known = sensor_values(platform, (*prim.apis, *filter(None, needed)), prim.attributes)
+        return sensor_values(stage.platform, prim.apis, prim.attributes)
+    needed = (each.needs for each in stage.platform.sensors.values() if prim.type in each.types)
+    known = sensor_values(stage.platform, (*prim.apis, *filter(None, needed)), prim.attributes)
     open_ones = {name: replace(said, default=None) for name, said in known.attributes.items()}
     return replace(known, attributes=open_ones)
 

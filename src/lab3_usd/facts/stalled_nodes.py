@@ -55,29 +55,29 @@ def unmet_needs(node: Node, platform: Platform, live: Nodes) -> Iterator[Need]:
             yield need
 
 
-def is_needed(node: Node, port: str, stage: StageModel, platform: Platform) -> bool:
+def is_needed(node: Node, port: str, stage: StageModel) -> bool:
     """Whether a node lacks something while nothing is wired into an input.
 
     Nothing else feeds it, no value is authored, and its default is not as good. A signal is needed
     by a node that does not run without it. A default is harmless where the platform knows what the
     node needs, and that is not among it.
     """
-    live, kind = live_nodes(stage, platform), node.type
+    live, kind = live_nodes(stage), node.type
     if kind is None or any(live_sources(node, port, live)):
         return False
     if port in signal_inputs(node):
-        return node.path not in run_states(stage, platform)
+        return node.path not in run_states(stage)
     items, state = array_items(node), node.state(port)
     value = None if state is None else state.value
     if items is not None and port in (*items.filled, *items.empty):
         return value in (None, "")
-    for need in needs_of(node, platform, live):
+    for need in needs_of(node, stage.platform, live):
         if port.removeprefix(INPUT) in need.inputs:
             is_written = value is not None and (need.zero_counts or not is_nothing(value))
             others = (INPUT + name for name in need.inputs if INPUT + name != port)
             if not is_written and not any(_brings_data(node, other, live) for other in others):
                 return True
-    if kind.type in platform.needs or has_side_effects(node):
+    if kind.type in stage.platform.needs or has_side_effects(node):
         return False
     return value is None and kind.default(port, node.version) is None
 
@@ -153,12 +153,12 @@ class Stop(Struct, frozen=True, eq=False):
     waiting: tuple[Node, ...]
 
 
-def stops(graph: GraphModel, stage: StageModel, platform: Platform) -> Iterator[Stop]:
+def stops(graph: GraphModel, stage: StageModel) -> Iterator[Stop]:
     """Yield the nodes of an evaluated graph that no signal reaches, each with those behind it.
 
     A node that waits for one of those is not listed again.
     """
-    live, states = live_nodes(stage, platform), run_states(stage, platform)
+    live, states = live_nodes(stage), run_states(stage)
     idle = [
         node
         for node in graph.nodes
@@ -166,46 +166,46 @@ def stops(graph: GraphModel, stage: StageModel, platform: Platform) -> Iterator[
         and node.path in live
         and node.type is not None
         and node.type.execution_inputs
-        and event_of(node, platform) is None
+        and event_of(node, stage.platform) is None
     ]
     for node in idle:
         ahead = [source for source in signal_sources(node, live) if source.path != node.path]
         if any(source.path not in states for source in ahead):
             continue
-        waiting = tuple(_behind(node, idle, stage, platform))
+        waiting = tuple(_behind(node, idle, stage))
         port = signal_inputs(node)[0]
         written = any(node.sources(signal_input) for signal_input in signal_inputs(node))
         if not ahead:
             reason = "broken" if written else "unwired"
             yield Stop(node, port, reason, "", waiting)
         else:
-            reason, cause = _obstacle(node, stage, platform)
+            reason, cause = _obstacle(node, stage)
             yield Stop(node, port, reason, cause, waiting)
 
 
-def _obstacle(node: Node, stage: StageModel, platform: Platform) -> tuple[str, str]:
+def _obstacle(node: Node, stage: StageModel) -> tuple[str, str]:
     """Return why signals of running nodes do not reach this one, and the node that holds them."""
-    live = live_nodes(stage, platform)
+    live = live_nodes(stage)
     for port in signal_inputs(node):
         for source, out in live_sources(node, port, live):
             if not is_switched_on(source, live):
                 return "off", source.path
-            if shut_gate(source, live, platform) or out == unchosen_output(source, live):
+            if shut_gate(source, live, stage.platform) or out == unchosen_output(source, live):
                 return "shut", source.path
-            if gate_step(source, live, platform) > 1:
+            if gate_step(source, live, stage.platform) > 1:
                 return "counts", source.path
-            if is_opened_first(node) and signals_once(source, out, live, platform):
+            if is_opened_first(node) and signals_once(source, out, live, stage.platform):
                 return "once", source.path
     if is_opened_first(node):  # what runs and signals it, runs once itself
         return "once", next(signal_sources(node, live)).path
     return "broken", ""
 
 
-def _behind(first: Node, idle: list[Node], stage: StageModel, platform: Platform) -> Iterator[Node]:
+def _behind(first: Node, idle: list[Node], stage: StageModel) -> Iterator[Node]:
     """Yield the idle nodes that would run if this one did, in the order of the graph."""
     triggered: dict[str, list[str]] = {}
     for node in idle:
-        for source in signal_sources(node, live_nodes(stage, platform)):
+        for source in signal_sources(node, live_nodes(stage)):
             triggered.setdefault(source.path, []).append(node.path)
     reached, ahead = {first.path}, [first.path]
     while ahead:
@@ -220,26 +220,26 @@ def has_side_effects(node: Node) -> bool:
     return node.type is not None and (bool(node.type.role) or node.type.drives is not None)
 
 
-def feeds(node: Node, stage: StageModel, platform: Platform) -> list[Node]:
+def feeds(node: Node, stage: StageModel) -> list[Node]:
     """Return the nodes into which something is connected to this one."""
-    fed = _fed(stage, platform).get(node.path, ())
+    fed = _fed(stage).get(node.path, ())
     return [target for target in fed if target.path != node.path]
 
 
 @once_per_stage
-def _fed(stage: StageModel, platform: Platform) -> dict[str, list[Node]]:
+def _fed(stage: StageModel) -> dict[str, list[Node]]:
     """Return the live nodes that each prim is wired into, by its path."""
     fed: dict[str, list[Node]] = {}
-    for target in live_nodes(stage, platform).values():
+    for target in live_nodes(stage).values():
         sources = (path for state in target.ports.values() for path in state.sources)
         for source in dict.fromkeys(path.partition(".")[0] for path in sources):
             fed.setdefault(source, []).append(target)
     return fed
 
 
-def is_wired(node: Node, stage: StageModel, platform: Platform) -> bool:
+def is_wired(node: Node, stage: StageModel) -> bool:
     """Whether anything is wired into a node or out of it."""
-    return any(node.sources(port) for port in node.ports) or bool(feeds(node, stage, platform))
+    return any(node.sources(port) for port in node.ports) or bool(feeds(node, stage))
 
 
 def short(port: str) -> str:
@@ -247,12 +247,12 @@ def short(port: str) -> str:
     return port.removeprefix(INPUT)
 
 
-def nodes_of_unknown_type(stage: StageModel, platform: Platform) -> Iterator[Node]:
+def nodes_of_unknown_type(stage: StageModel) -> Iterator[Node]:
     """Yield the nodes of a type that nothing is known of, not even that it is an event."""
-    known = {*platform.events, *platform.once}
-    for node in live_nodes(stage, platform).values():
+    known = {*stage.platform.events, *stage.platform.once}
+    for node in live_nodes(stage).values():
         name = node.type_name
-        if node.type is None and name not in known and not platform.scripts.runs(name):
+        if node.type is None and name not in known and not stage.platform.scripts.runs(name):
             yield node
 
 

@@ -56,33 +56,33 @@ class Stuck(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def stuck_nodes(stage: StageModel, platform: Platform) -> dict[str, Stuck]:
+def stuck_nodes(stage: StageModel) -> dict[str, Stuck]:
     """Return the nodes that do nothing although they may run, by path."""
     found: dict[str, Stuck] = {}
     for one in (
-        *_without_body(stage, platform),
-        *_without_prim(stage, platform),
-        *_without_context(stage, platform),
-        *_without_camera(stage, platform),
-        *_without_product(stage, platform),
-        *_without_scan(stage, platform),
+        *_without_body(stage),
+        *_without_prim(stage),
+        *_without_context(stage),
+        *_without_camera(stage),
+        *_without_product(stage),
+        *_without_scan(stage),
     ):
         found.setdefault(one.node.path, one)
     return found
 
 
 @once_per_stage
-def working_states(stage: StageModel, platform: Platform) -> dict[str, State]:
+def working_states(stage: StageModel) -> dict[str, State]:
     """Return how surely each node does its work while the timeline plays, by path.
 
     As `run_states`, but for nodes that are stuck and those that wait for their signals.
     """
-    stuck, known = stuck_nodes(stage, platform), run_states(stage, platform)
+    stuck, known = stuck_nodes(stage), run_states(stage)
     if not stuck:
         return known
     surely = {path for path, one in stuck.items() if one.sure}
-    at_most = states_without(stage, platform, stuck=surely) if surely else known
-    at_least = states_without(stage, platform, stuck=stuck)
+    at_most = states_without(stage, stuck=surely) if surely else known
+    at_least = states_without(stage, stuck=stuck)
     return {
         path: "runs" if at_least.get(path) == "runs" and path not in stuck else "may run"
         for path in at_most
@@ -91,18 +91,18 @@ def working_states(stage: StageModel, platform: Platform) -> dict[str, State]:
 
 
 @once_per_stage
-def working_nodes(stage: StageModel, platform: Platform) -> LiveNodes:
+def working_nodes(stage: StageModel) -> LiveNodes:
     """Return the nodes that do their work, or may, by path."""
-    states = working_states(stage, platform)
-    if states == run_states(stage, platform):
-        return running_nodes(stage, platform)
-    live = live_nodes(stage, platform)
+    states = working_states(stage)
+    if states == run_states(stage):
+        return running_nodes(stage)
+    live = live_nodes(stage)
     return LiveNodes((live[path] for path in states), live.variables)
 
 
-def obstacle(node: Node, stage: StageModel, platform: Platform) -> Stuck | None:
+def obstacle(node: Node, stage: StageModel) -> Stuck | None:
     """Return the stuck node for which a node does nothing: itself, or one that it waits for."""
-    stuck, live = stuck_nodes(stage, platform), live_nodes(stage, platform)
+    stuck, live = stuck_nodes(stage), live_nodes(stage)
     ahead = {node.path: node}
     for path in (waiting := [node.path]):
         if path in stuck:
@@ -121,42 +121,40 @@ def _products(node: Node, live: Nodes) -> Iterator[Node]:
                 yield source
 
 
-def is_module(stage: StageModel, platform: Platform) -> bool:
+def is_module(stage: StageModel) -> bool:
     """Whether a stage holds graphs and neither robot nor sensor, for others to refer to."""
     if stage.unresolved:
         return False
     bodies = (*stage.with_api(ARTICULATION_API), *stage.with_api(BODY_API))
     sensors = (prim for kind in _SENSORS for prim in stage.of_type(kind))
-    return not bodies and all(prim.path in platform.application_prims for prim in sensors)
+    return not bodies and all(prim.path in stage.platform.application_prims for prim in sensors)
 
 
-def is_made_later(path: str, stage: StageModel, platform: Platform) -> bool:
+def is_made_later(path: str, stage: StageModel) -> bool:
     """Whether the application makes a prim, or it is a node or a graph."""
-    live = live_nodes(stage, platform)
-    made = path in platform.application_prims or platform.graph.ignores(path)
+    live = live_nodes(stage)
+    made = path in stage.platform.application_prims or stage.platform.graph.ignores(path)
     # The bundle that a node gives is a prim below it.
     return made or path in live or path.rpartition("/")[0] in live
 
 
-def _without_target(
-    node: Node, port: str, stage: StageModel, platform: Platform
-) -> Iterator[Stuck]:
+def _without_target(node: Node, port: str, stage: StageModel) -> Iterator[Stuck]:
     """Yield that the only prim which an input names is not there, or that it names none."""
     path = next(iter(node.targets(port)), "")
     if not path:
         yield Stuck(node, f"{port} names no prim")
-    elif stage.prim(path) is None and not is_made_later(path, stage, platform):
-        is_open = stage.unknown(path) is not None or is_module(stage, platform)
+    elif stage.prim(path) is None and not is_made_later(path, stage):
+        is_open = stage.unknown(path) is not None or is_module(stage)
         why = f"{port} names {path}, which {absence_reason(stage, path)}"
         yield Stuck(node, why, sure=not is_open)
 
 
-def _without_body(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
-    for node in nodes_of(lambda kind: kind.type in platform.bodies, stage, platform):
-        asked = None if node.type is None else platform.bodies.get(node.type.type)
+def _without_body(stage: StageModel) -> Iterator[Stuck]:
+    for node in nodes_of(lambda kind: kind.type in stage.platform.bodies, stage):
+        asked = None if node.type is None else stage.platform.bodies.get(node.type.type)
         if asked is not None:
-            yield from _without_target(node, INPUT + asked.prim, stage, platform)
-    for followed in followed_bodies(stage, platform):
+            yield from _without_target(node, INPUT + asked.prim, stage)
+    for followed in followed_bodies(stage):
         if not followed.is_body or (
             followed.body is not None and _is_hollow(followed.body.path, stage)
         ):
@@ -164,21 +162,23 @@ def _without_body(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
             yield Stuck(followed.node, why, sure=followed.unknown is None)
 
 
-def _without_prim(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
-    live = live_nodes(stage, platform)
-    for node in nodes_of(lambda kind: kind.type in platform.targets, stage, platform):
-        asked = None if node.type is None else platform.targets.get(node.type.type)
+def _without_prim(stage: StageModel) -> Iterator[Stuck]:
+    live = live_nodes(stage)
+    for node in nodes_of(lambda kind: kind.type in stage.platform.targets, stage):
+        asked = None if node.type is None else stage.platform.targets.get(node.type.type)
         if asked is None:
             continue
         port = INPUT + asked.input
-        lacking = [need for need in unmet_needs(node, platform, live) if asked.input in need.inputs]
+        lacking = [
+            need for need in unmet_needs(node, stage.platform, live) if asked.input in need.inputs
+        ]
         if lacking:
             yield Stuck(node, f"{port} names no prim")
-        elif switched_off_target(node, stage, platform):
+        elif switched_off_target(node, stage):
             yield Stuck(node, f"{port} is {node.targets(port)[0]}, which is switched off")
-        elif node.targets(port) and not _has_other(node, asked, platform, live):
-            yield from _without_target(node, port, stage, platform)
-            unread = refused_target(node, stage, platform)
+        elif node.targets(port) and not _has_other(node, asked, stage.platform, live):
+            yield from _without_target(node, port, stage)
+            unread = refused_target(node, stage)
             path = node.targets(port)[0]
             if unread is not None or (asked.holds and _is_hollow(path, stage)):
                 is_open = unread is not None and unread.unknown is not None
@@ -207,10 +207,10 @@ class RefusedTarget(Struct, frozen=True, eq=False):
     unknown: UnresolvedAsset | None
 
 
-def refused_target(node: Node, stage: StageModel, platform: Platform) -> RefusedTarget | None:
+def refused_target(node: Node, stage: StageModel) -> RefusedTarget | None:
     """Return the prim that a node is to read and cannot, None where there is none."""
-    asked = None if node.type is None else platform.targets.get(node.type.type)
-    if asked is None or not is_within(platform.release, asked.since, ""):
+    asked = None if node.type is None else stage.platform.targets.get(node.type.type)
+    if asked is None or not is_within(stage.platform.release, asked.since, ""):
         return None
     prim = stage.prim(next(iter(node.targets(INPUT + asked.input)), ""))
     if prim is None or _is_readable(prim, asked, stage):
@@ -232,39 +232,41 @@ def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:
     )
 
 
-def switched_off_target(node: Node, stage: StageModel, platform: Platform) -> str:
+def switched_off_target(node: Node, stage: StageModel) -> str:
     """Return the path of the prim that a node is to read and that is switched off, '' for none."""
-    asked = None if node.type is None else platform.targets.get(node.type.type)
+    asked = None if node.type is None else stage.platform.targets.get(node.type.type)
     path = "" if asked is None else next(iter(node.targets(INPUT + asked.input)), "")
     prim = stage.prim(path)
     is_off = asked and asked.switch and prim and prim.attributes.get(asked.switch) is False
     return path if is_off else ""
 
 
-def _without_context(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
-    for node, port, handle in invalid_contexts(stage, platform):
+def _without_context(stage: StageModel) -> Iterator[Stuck]:
+    for node, port, handle in invalid_contexts(stage):
         yield Stuck(node, f"{port} is {handle}, which no context has made")
-    live = live_nodes(stage, platform)
-    is_over = any((domain.number or 0) > LAST_DOMAIN for domain in domains(stage, platform))
-    for entry in context_inputs(stage, platform) if is_over else ():
-        domain = domain_of(entry.node, live, platform)
+    live = live_nodes(stage)
+    is_over = any((domain.number or 0) > LAST_DOMAIN for domain in domains(stage))
+    for entry in context_inputs(stage) if is_over else ():
+        domain = domain_of(entry.node, live, stage.platform)
         if (domain.number or 0) > LAST_DOMAIN:
             why = f"ROS 2 has no domain {domain.number}"
             yield Stuck(entry.node, why, sure=not domain.from_environment)
 
 
-def _without_camera(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+def _without_camera(stage: StageModel) -> Iterator[Stuck]:
     """Yield the nodes that make no render product: OgnIsaacCreateRenderProduct.py:77-160."""
-    live = live_nodes(stage, platform)
-    for node in nodes_of(lambda kind: kind.product, stage, platform):
+    live = live_nodes(stage)
+    for node in nodes_of(lambda kind: kind.product, stage):
         ports = None if node.type is None else node.type.product
         if ports is None:
             continue
-        yield from _without_target(node, ports.camera, stage, platform)
+        yield from _without_target(node, ports.camera, stage)
         named = next(iter(node.targets(ports.named)), "")
         product = stage.products.get(named)
         if product is not None:
-            is_there = stage.prim(product.camera) or product.camera in platform.application_prims
+            is_there = (
+                stage.prim(product.camera) or product.camera in stage.platform.application_prims
+            )
             if not is_there:
                 is_open = stage.unknown(named, product.camera or named) is not None
                 yield Stuck(node, f"{ports.named} is {named}, which shows no camera", not is_open)
@@ -286,33 +288,33 @@ class LostProduct(Struct, frozen=True, eq=False):
     sure: bool
 
 
-def lost_products(stage: StageModel, platform: Platform) -> Iterator[LostProduct]:
+def lost_products(stage: StageModel) -> Iterator[LostProduct]:
     """Yield the render products whose path is written, and which give nothing to publish.
 
     Source: OgnROS2CameraHelper.py:258-264.
     """
-    for node in nodes_of(lambda kind: kind.type in platform.sensors, stage, platform):
+    for node in nodes_of(lambda kind: kind.type in stage.platform.sensors, stage):
         port = "" if node.type is None else product_input(node.type.topics[0])
         path = None if node.sources(port) else node.value(port)
         product = stage.products.get(str(path))
         if not isinstance(path, str) or not path or (product is not None and product.camera):
             continue
-        is_made = product is None and platform.graph.ignores(path)
+        is_made = product is None and stage.platform.graph.ignores(path)
         is_open = is_made or stage.unknown(path) is not None
         yield LostProduct(node, port, path, not is_open)
 
 
-def _without_product(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
-    for lost in lost_products(stage, platform):
+def _without_product(stage: StageModel) -> Iterator[Stuck]:
+    for lost in lost_products(stage):
         why = f"{lost.port} is {lost.path}, which shows no camera"
         yield Stuck(lost.node, why, lost.sure)
 
 
-def _without_scan(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
+def _without_scan(stage: StageModel) -> Iterator[Stuck]:
     """Yield the nodes that refuse the sensor of their render product."""
-    live = live_nodes(stage, platform)
-    for node in nodes_of(lambda kind: kind.type in platform.sensors, stage, platform):
-        asked = None if node.type is None else platform.sensors.get(node.type.type)
+    live = live_nodes(stage)
+    for node in nodes_of(lambda kind: kind.type in stage.platform.sensors, stage):
+        asked = None if node.type is None else stage.platform.sensors.get(node.type.type)
         if node.type is None or asked is None or not asked.needs:
             continue
         shown = shown_by(node, product_input(node.type.topics[0]), stage, live)
@@ -320,12 +322,12 @@ def _without_scan(stage: StageModel, platform: Platform) -> Iterator[Stuck]:
         if prim is None:
             continue
         is_open = stage.unknown(prim.path) is not None
-        if not {prim.type, *prim.apis} & {*asked.types, *asked.schemas_in(platform.release)}:
+        if not {prim.type, *prim.apis} & {*asked.types, *asked.schemas_in(stage.platform.release)}:
             yield Stuck(node, f"{prim.path} is no {' or '.join(asked.types)}", not is_open)
         elif prim.type in asked.types and asked.needs not in prim.apis:
             yield Stuck(node, f"{prim.path} has no {asked.needs}", not is_open)
         else:
             is_scan = effective_value(node, KIND, live) == _FLAT
-            for fault in faults_of(prim, platform, stage):
+            for fault in faults_of(prim, stage):
                 if fault.stops(is_scan=is_scan):
                     yield Stuck(node, f"{fault.message}, at {prim.path}", not fault.is_open)

@@ -11,7 +11,6 @@ from msgspec.structs import replace
 
 from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes, live_sources, may_give
 from lab3_usd.isaac.node_types import INPUT, Dynamic, NodeType, Port, can_connect, without_role
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic, once_per_stage
 
 Kind = Literal["execution", "data"]
@@ -44,16 +43,16 @@ class Connection(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def connections(stage: StageModel, platform: Platform) -> tuple[Connection, ...]:
+def connections(stage: StageModel) -> tuple[Connection, ...]:
     """Return every wire into a live node, in the order of nodes and ports."""
-    live = live_nodes(stage, platform)
+    live = live_nodes(stage)
     return tuple(wire for node in live.values() for wire in connections_of(node, live))
 
 
 @once_per_stage
-def fed_inputs(stage: StageModel, platform: Platform) -> frozenset[tuple[str, str]]:
+def fed_inputs(stage: StageModel) -> frozenset[tuple[str, str]]:
     """Return the inputs that a wire from an existing port feeds, each by its node and name."""
-    wires = connections(stage, platform)
+    wires = connections(stage)
     return frozenset((wire.node.path, wire.port) for wire in wires if wire.has_source)
 
 
@@ -174,10 +173,10 @@ def _fed_type(node: Node, port: str, live: Nodes, behind: frozenset[str]) -> str
     return _followed_type(source, output, live, behind | {node.path})
 
 
-def why_dead(wire: Connection, stage: StageModel, platform: Platform) -> str | None:
+def why_dead(wire: Connection, stage: StageModel) -> str | None:
     """Say why there is no node at the source of a wire, None if that is unknown."""
     path = wire.source_prim
-    if stage.unknown_node(path) or platform.graph.ignores(path):
+    if stage.unknown_node(path) or stage.platform.graph.ignores(path):
         return None
     if any(node.path == path for node in stage.orphans):
         return "is outside every graph"
@@ -227,10 +226,10 @@ def cycle_of(wire: Connection, live: Nodes) -> tuple[str, ...]:
     return tuple(cycle)
 
 
-def find_cycles(stage: StageModel, platform: Platform) -> Iterator[Connection]:
+def find_cycles(stage: StageModel) -> Iterator[Connection]:
     """Yield a wire of one cycle for each set of nodes that lead to each other."""
     kinds: dict[Kind, list[Connection]] = {"execution": [], "data": []}
-    for wire in connections(stage, platform):
+    for wire in connections(stage):
         if wire.kind is not None:
             kinds[wire.kind].append(wire)
     for wires in kinds.values():
@@ -238,9 +237,7 @@ def find_cycles(stage: StageModel, platform: Platform) -> Iterator[Connection]:
             continue
         reported: set[str] = set()
         for wire in wires:
-            cycle = (
-                () if wire.node.path in reported else cycle_of(wire, live_nodes(stage, platform))
-            )
+            cycle = () if wire.node.path in reported else cycle_of(wire, live_nodes(stage))
             if cycle and reported.isdisjoint(cycle):
                 reported.update(cycle)
                 yield wire

@@ -24,7 +24,6 @@ from lab3_usd.facts.execution_order import (
 )
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
@@ -46,41 +45,41 @@ class WrittenTopic(Struct, frozen=True, eq=False):
         return re.match(_WHOLE, self.written) is None
 
 
-def written_topics(stage: StageModel, platform: Platform) -> Iterator[WrittenTopic]:
+def written_topics(stage: StageModel) -> Iterator[WrittenTopic]:
     """Yield the topics and services that live nodes name."""
-    for node in live_nodes(stage, platform).values():
+    for node in live_nodes(stage).values():
         kind = node.type
         if kind is None or not kind.role:
             continue
-        for port in (*used_topics(node, kind, live_nodes(stage, platform)), *kind.services):
-            value = effective_value(node, port, live_nodes(stage, platform))
+        for port in (*used_topics(node, kind, live_nodes(stage)), *kind.services):
+            value = effective_value(node, port, live_nodes(stage))
             if isinstance(value, str):
                 yield WrittenTopic(node, port, value, resolve("", value))
 
 
-def written_frames(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str, str]]:
+def written_frames(stage: StageModel) -> Iterator[tuple[Node, str, str]]:
     """Yield the frames that live nodes name: the node, the port and the name."""
-    for node in live_nodes(stage, platform).values():
+    for node in live_nodes(stage).values():
         kind = node.type
-        if kind is None or not kind.topics or node.path not in run_states(stage, platform):
+        if kind is None or not kind.topics or node.path not in run_states(stage):
             continue
-        if not is_switched_on(node, live_nodes(stage, platform)):
+        if not is_switched_on(node, live_nodes(stage)):
             continue
-        used = set(used_topics(node, kind, live_nodes(stage, platform)))
+        used = set(used_topics(node, kind, live_nodes(stage)))
         for port in kind.frames:
             right = port.endswith("Right")
-            value = effective_value(node, port, live_nodes(stage, platform))
+            value = effective_value(node, port, live_nodes(stage))
             if isinstance(value, str) and (not right or any(t.endswith("Right") for t in used)):
                 yield node, port, value
 
 
-def refused_namespaces(stage: StageModel, platform: Platform) -> Iterator[tuple[Node, str]]:
+def refused_namespaces(stage: StageModel) -> Iterator[tuple[Node, str]]:
     """Yield each namespace that ROS 2 refuses, with the first node whose topics are in it."""
     refused: set[str] = set()
-    for node in live_nodes(stage, platform).values():
+    for node in live_nodes(stage).values():
         if node.type is None or not node.type.role:
             continue
-        namespace = namespace_of(node, stage, platform, live_nodes(stage, platform))
+        namespace = namespace_of(node, stage, live_nodes(stage))
         if namespace and namespace not in refused and resolve(namespace, "topic") is None:
             refused.add(namespace)
             yield node, namespace
@@ -95,10 +94,10 @@ class MessageFrame(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def message_frames(stage: StageModel, platform: Platform) -> tuple[MessageFrame, ...]:
+def message_frames(stage: StageModel) -> tuple[MessageFrame, ...]:
     """Return the frames that messages name which are sent, but those of transforms themselves."""
-    live, named = live_nodes(stage, platform), dict[tuple[str, str], MessageFrame]()
-    for endpoint in endpoints(stage, platform):
+    live, named = live_nodes(stage), dict[tuple[str, str], MessageFrame]()
+    for endpoint in endpoints(stage):
         node, kind = endpoint.node, endpoint.node.type
         is_sent = endpoint.runs and endpoint.direction == "publishes"
         if kind is None or kind.tf is not None or not is_sent:
@@ -143,12 +142,12 @@ class _NamedPose(Struct, frozen=True, eq=False):
     sent: bool
 
 
-def odometry_pairs(stage: StageModel, platform: Platform) -> Iterator[OdometryPair]:
+def odometry_pairs(stage: StageModel) -> Iterator[OdometryPair]:
     """Yield messages and transforms whose pose comes from one node."""
     poses = [
         pose
-        for node in nodes_of(lambda kind: any(map(kind.port, _POSE)), stage, platform)
-        if (pose := _named_pose(node, stage, platform))
+        for node in nodes_of(lambda kind: any(map(kind.port, _POSE)), stage)
+        if (pose := _named_pose(node, stage))
     ]
     transforms: dict[str, list[_NamedPose]] = {}
     for pose in poses:
@@ -173,20 +172,18 @@ def _name_ports(node: Node) -> tuple[str, ...]:
     return tf_ports(node).names or (() if node.type is None else node.type.frames)
 
 
-def _named_pose(node: Node, stage: StageModel, platform: Platform) -> _NamedPose | None:
+def _named_pose(node: Node, stage: StageModel) -> _NamedPose | None:
     sources = (
-        source
-        for port in _POSE
-        for source, _ in live_sources(node, port, live_nodes(stage, platform))
+        source for port in _POSE for source, _ in live_sources(node, port, live_nodes(stage))
     )
     maker = next(sources, None)
     if node.type is None or maker is None:
         return None
     names, ports = tf_ports(node).names, _name_ports(node)
-    values = [effective_value(node, port, live_nodes(stage, platform)) for port in ports]
+    values = [effective_value(node, port, live_nodes(stage)) for port in ports]
     texts = [value for value in values if isinstance(value, str)]
     if len(texts) != len(_POSE) or len(ports) != len(_POSE):
         return None
     frames = (tf2_name(texts[0]), tf2_name(texts[1])) if names else (texts[0], texts[1])
-    is_sent = node.path in run_states(stage, platform)
+    is_sent = node.path in run_states(stage)
     return _NamedPose(node, ports[1], frames, maker.path, bool(names), is_sent)

@@ -148,7 +148,7 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
 
     def lint_stage(file: Path, stage: Any) -> Iterable[Finding]:
         model = read_model(stage, platform, str(file))
-        return _findings_of(file, lint(LintSubject(model, platform)).results)
+        return _findings_of(file, lint(LintSubject(model)).results)
 
     return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)
 

@@ -383,7 +383,7 @@ def _ids(patterns: tuple[str, ...], lab: Lab) -> tuple[str, ...]:
 @lru_cache(maxsize=4)
 def everything_asked(lab: Lab) -> Mapping[str, tuple[Requirement, ...]]:
     """Return every requirement of every checkpoint, as an empty stage leaves it: not met."""
-    empty = StageModel("", 1.0, 1.0, (), {})
+    empty = StageModel(lab.platform, "", 1.0, 1.0, (), {})
     return {
         number: tuple(
             Requirement(

@@ -11,6 +11,7 @@ from msgspec import Struct, field
 from msgspec.structs import force_setattr
 
 from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, are_alike
 from lab3_usd.model.prims import (
     Colliders,
@@ -268,14 +269,15 @@ _USES = "checkpoint uses"
 class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
-    Two models are the same only when they are one. `derived` holds what was worked out from this
-    one (`once_per_stage`), so that it goes when the model goes. `judged` holds what was worked out
-    for rules, their inputs, and so the model, and how often those used the checkpoint. `instances`
-    are the paths of the outermost instances, `products` the render products that nodes name,
-    by path. `overridden` are prims that look like nodes, which the stage only overrides; they are
-    read where an asset is missing.
+    `platform` is the release of Isaac Sim by which the stage was read. Two models are the same only
+    when they are one. `derived` holds what was worked out from this one (`once_per_stage`), so that
+    it goes when the model goes. `judged` holds what was worked out for rules, their inputs, and so
+    the model, and how often those used the checkpoint. `instances` are the paths of the outermost
+    instances, `products` the render products that nodes name, by path. `overridden` are prims that
+    look like nodes, which the stage only overrides; they are read where an asset is missing.
     """
 
+    platform: Platform
     up_axis: str
     meters_per_unit: float
     kilograms_per_unit: float

@@ -163,8 +163,7 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     sensors, changing = steady_sensors(describe_sensors(source, sections), others)
     scene |= {"sensors": sensors} if sensors else {}
     places = [graph.path for graph in graphs.values()] + [prim.path for prim in source.sensors]
-    platform = source.lab.platform
-    namespaces = dict(s for path in places for s in namespaces_above(path, stage, platform))
+    namespaces = dict(s for path in places for s in namespaces_above(path, stage))
     scene |= {"namespaces": namespaces} if namespaces else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
     robots = [scene["robot"]] if "robot" in scene else scene["robots"].values()
@@ -272,7 +271,7 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
 def _published(stage: StageModel, lab: Lab) -> set[tuple[str, str]]:
     """Return the transforms of the lab that a stage publishes."""
     known = {frame.child for frame in graph_frames(lab)}
-    edges = published_edges(stage, lab.platform)
+    edges = published_edges(stage)
     return {(edge.parent, edge.child) for edge in edges if edge.child in known}
 
 
@@ -327,7 +326,7 @@ def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
     known = {frame.child for frame in given}
     edges = {
         edge.child: (edge.parent, edge.child)
-        for edge in published_edges(stage, lab.platform)
+        for edge in published_edges(stage)
         if edge.child in known and edge.parent != edge.child
     }
     for graph_frame in given:

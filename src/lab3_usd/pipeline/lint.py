@@ -102,7 +102,7 @@ def _linted(path: str | Path, release: str) -> StageResult:
 
         with quiet():
             model = read_model(stage, platform, str(path))
-            judged = lint(LintSubject(model, platform))
+            judged = lint(LintSubject(model))
     except StageError as error:
         return unreadable(str(path), None, error)
     results = judged.results
@@ -132,7 +132,7 @@ def lint_open_stage(stage: Any) -> RuleResults:
 
     platform = lint_platform()
     model = read_model(reopened(stage), platform, stage.GetRootLayer().identifier)
-    judged = lint(LintSubject(model, platform)).results
+    judged = lint(LintSubject(model)).results
     return replace(judged, findings=ordered(judged.findings))
 
 
@@ -155,11 +155,9 @@ def read_ros(path: Path) -> RosStage:
     from lab3_usd.stage.read.reader import read_stage
 
     platform = lint_platform()
-    subject = LintSubject(read_stage(path, platform), platform)
+    subject = LintSubject(read_stage(path, platform))
     coverage = lint(subject).coverage
-    return RosStage(
-        subject, coverage, tuple(nodes_of_unknown_type(subject.stage, subject.platform))
-    )
+    return RosStage(subject, coverage, tuple(nodes_of_unknown_type(subject.stage)))
 
 
 def find_stages(path: str, config: Config) -> Iterator[Target]:

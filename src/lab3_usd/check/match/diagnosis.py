@@ -12,7 +12,6 @@ from msgspec import Struct, field
 from lab3_usd.check.match.conformance import is_fed, source_path, source_paths
 from lab3_usd.check.match.rule_inputs import GraphSubject, Kind, Roles, WireFault
 from lab3_usd.facts.wires import Connection, connection, cycle_of
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import (
     ELSEWHERE,
     OUTSIDE,
@@ -35,9 +34,7 @@ def missing_roles(spec: GraphSpec, roles: Roles) -> list[NodeSpec]:
     ]
 
 
-def absent_nodes(
-    spec: GraphSpec, roles: Roles, stage: StageModel, platform: Platform
-) -> dict[str, AbsentPrim]:
+def absent_nodes(spec: GraphSpec, roles: Roles, stage: StageModel) -> dict[str, AbsentPrim]:
     """Pair missing roles with prims of their type that are in the file but not in the graph.
 
     A prim that is named like a role is that role's before it may be another's.
@@ -51,7 +48,7 @@ def absent_nodes(
         for role in missing_roles(spec, roles):
             for offer in offers if role.role not in absent else ():
                 is_named = offer.path.endswith(f"/{role.role}")
-                fits = platform.get(offer.type_name) is role.type
+                fits = stage.platform.get(offer.type_name) is role.type
                 if fits and (is_named or not must_be_named):
                     absent[role.role] = offer
                     offers.remove(offer)

@@ -269,24 +269,28 @@ class JudgedStage(Struct, frozen=True, eq=False):
 
 
 class LintSubject(Struct, frozen=True, eq=False):
-    """A stage without a spec, beside the release of Isaac Sim by which it is judged."""
+    """A stage without a spec."""
 
     stage: StageModel
-    platform: Platform
+
+    @property
+    def platform(self) -> Platform:
+        """The release of Isaac Sim by which the stage is judged."""
+        return self.stage.platform
 
     @property
     def live(self) -> Nodes:
         """The nodes of all active graphs by path."""
-        return live_nodes(self.stage, self.platform)
+        return live_nodes(self.stage)
 
     def runs(self, path: str) -> bool:
         """Whether a node runs, or may run, while the timeline plays."""
-        return path in run_states(self.stage, self.platform)
+        return path in run_states(self.stage)
 
     @property
     def is_module(self) -> bool:
         """Whether the stage holds graphs and neither robot nor sensor, for others to refer to."""
-        return is_module(self.stage, self.platform)
+        return is_module(self.stage)
 
     def graphs(self) -> Iterator[GraphModel]:
         """Yield the graphs that no application made for itself, in the scene or not."""
@@ -308,7 +312,7 @@ class LintSubject(Struct, frozen=True, eq=False):
     def accepts_form(self, graph: GraphModel, attribute: GraphAttribute) -> bool:
         """Whether an attribute does not keep the nodes of a graph from being evaluated."""
         is_judged = graph.active and bool(graph.nodes)
-        return not is_judged or attribute.name != unevaluated_by(graph, self.stage, self.platform)
+        return not is_judged or attribute.name != unevaluated_by(graph, self.stage)
 
     def newest_version(self, node: Node) -> int | None:
         """Return the newest version in any release, None where a type may have more of them."""
@@ -319,11 +323,11 @@ class LintSubject(Struct, frozen=True, eq=False):
     @property
     def wire_faults(self) -> tuple[WireFault, ...]:
         """What is wrong with the wires by themselves."""
-        return _wire_faults(self.stage, self.platform)
+        return _wire_faults(self.stage)
 
     def trees(self) -> tuple[HeardTree, ...]:
         """Return the transforms by listener."""
-        return heard_trees(self.stage, self.platform)
+        return heard_trees(self.stage)
 
     def is_asked(self, _edge: Edge) -> bool:
         """Whether a spec asks for a transform, which no stage without a lab has."""
@@ -335,7 +339,7 @@ class LintSubject(Struct, frozen=True, eq=False):
 
     def tops(self, heard: HeardTree) -> tuple[str, ...]:
         """Return the top of the largest tree, and of those of other robots, where all are known."""
-        if not is_tree_known(self.stage, self.platform):
+        if not is_tree_known(self.stage):
             return ()
         tops, shown = list[str](), set[str]()
         for edges, frames in heard.tree.parts:
@@ -351,12 +355,12 @@ class LintSubject(Struct, frozen=True, eq=False):
 
     def message_frames(self) -> Iterator[MessageFrame]:
         """Yield the frames of messages."""
-        yield from message_frames(self.stage, self.platform)
+        yield from message_frames(self.stage)
 
     def frames_in(self, domain: str) -> Collection[str]:
         """Return the frames that are published in a domain, where all transforms are known."""
-        is_known = is_tree_known(self.stage, self.platform)
-        return frames_in(self.stage, self.platform, domain) if is_known else ()
+        is_known = is_tree_known(self.stage)
+        return frames_in(self.stage, domain) if is_known else ()
 
     def frames_left_open(self) -> UnresolvedAsset | None:
         """Return the missing asset that may hold further frames: then no frame is judged."""
@@ -375,7 +379,7 @@ class LintSubject(Struct, frozen=True, eq=False):
             *((node.path, port) for node in named for port in tf_ports(node).names),
             *(
                 (shared.prim, self.platform.ros.namespace_attribute)
-                for shared in shared_tf_topics(self.stage, self.platform)
+                for shared in shared_tf_topics(self.stage)
                 if any(publishers & {*paths} for paths in shared.publishers.values())
             ),
         )
@@ -386,13 +390,13 @@ class LintSubject(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def _wire_faults(stage: StageModel, platform: Platform) -> tuple[WireFault, ...]:
+def _wire_faults(stage: StageModel) -> tuple[WireFault, ...]:
     """Return what is wrong with the wires of a stage, whatever they are for."""
     faults = []
     fed: dict[tuple[str, str], str] = {}
-    for wire in connections(stage, platform):
+    for wire in connections(stage):
         if not wire.has_source:
-            is_dead = is_needed(wire.node, wire.port, stage, platform)
+            is_dead = is_needed(wire.node, wire.port, stage)
             kind: Kind = "dead" if is_dead else "leftover"
             faults.append(WireFault(kind, wire.node, wire.port, None, wire.path))
         elif wire.is_live and not wire.is_compatible:
@@ -402,7 +406,6 @@ def _wire_faults(stage: StageModel, platform: Platform) -> tuple[WireFault, ...]
             if first != wire.path:
                 faults.append(WireFault("second", wire.node, wire.port, first, wire.path))
     faults += [
-        WireFault("cycle", wire.node, wire.port, None, wire.path)
-        for wire in find_cycles(stage, platform)
+        WireFault("cycle", wire.node, wire.port, None, wire.path) for wire in find_cycles(stage)
     ]
     return tuple(faults)

@@ -198,8 +198,8 @@ def second_commanders(subject: RobotSubject) -> Iterator[tuple[Node, str]]:
     a copy of the graph.
     """
     stage, lab, roles = subject.stage, subject.lab, subject.roles
-    live, running = live_nodes(stage, lab.platform), running_nodes(stage, lab.platform)
-    driving = {node.path: node for node in nodes_of(lambda kind: kind.drives, stage, lab.platform)}
+    live, running = live_nodes(stage), running_nodes(stage)
+    driving = {node.path: node for node in nodes_of(lambda kind: kind.drives, stage)}
     own = {
         path: name for name, players in roles.items() for path in players.role_of if path in driving
     }

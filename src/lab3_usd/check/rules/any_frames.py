@@ -257,7 +257,7 @@ def _joining_frame(
     others = {frame for _, frames in whole.parts for frame in frames} - own
     return tuple(
         SetValue(pair.tree.path, pair.tree_port, "string", pair.message[1])
-        for pair in odometry_pairs(subject.stage, subject.platform)
+        for pair in odometry_pairs(subject.stage)
         if publishers == {pair.tree.path}
         and pair.message[0] == pair.transform[0]
         and pair.message[1] in others

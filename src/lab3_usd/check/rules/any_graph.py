@@ -64,7 +64,7 @@ def graph_not_evaluated(subject: GraphsSubject) -> Iterator[Problem]:
     """
     is_of_lab = not isinstance(subject, LintSubject)
     for graph in subject.graphs():
-        cause = unevaluated_by(graph, subject.stage, subject.platform)
+        cause = unevaluated_by(graph, subject.stage)
         for attribute in subject.platform.graph.attributes:
             if subject.accepts_form(graph, attribute):
                 continue
@@ -230,7 +230,7 @@ def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]
     is_module = isinstance(subject, LintSubject) and subject.is_module
     for node in subject.nodes():
         for port, path in subject.judged_targets(node):
-            is_made = is_made_later(path, subject.stage, subject.platform)
+            is_made = is_made_later(path, subject.stage)
             if is_made or subject.stage.prim(path) is not None:
                 continue
             is_one_of_several = len(node.targets(port)) > 1
@@ -259,7 +259,7 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
 
     Example: `inputs:maxAcceleration = 2` while `inputs:dt` is not connected.
     """
-    live = live_nodes(subject.stage, subject.platform)
+    live = live_nodes(subject.stage)
     limited = (node for node in subject.nodes() if node.type and node.type.step_limits)
     for node in limited:
         values = dict(stopping_limits(live, node))

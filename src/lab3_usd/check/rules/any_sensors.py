@@ -27,8 +27,8 @@ def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
     Basis: IsaacSim issue 718, which NVIDIA has reproduced. The renderer is not public.
     """
     stage, platform = subject.stage, subject.platform
-    live, running = live_nodes(stage, platform), run_states(stage, platform)
-    readers = nodes_of(lambda kind: kind.type in platform.sensors, stage, platform)
+    live, running = live_nodes(stage), run_states(stage)
+    readers = nodes_of(lambda kind: kind.type in platform.sensors, stage)
     first: dict[tuple[str, str], tuple[str, float]] = {}
     for node in (node for node in readers if node.path in running):
         asked = platform.sensors.get(node.type.type) if node.type is not None else None
@@ -37,7 +37,7 @@ def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
         if asked is None or prim is None or prim.type not in asked.types:
             continue
         for name in asked.equal if is_within(platform.release, *asked.equal_in) else ():
-            values = values_of(prim, platform, stage)
+            values = values_of(prim, stage)
             rate = values.number(name)
             if rate is None:
                 continue

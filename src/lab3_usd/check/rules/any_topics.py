@@ -125,7 +125,7 @@ def _without(
     graph = graph_of(repeats[0][0])
     is_copy = not any(is_at_or_below(path, graph) for path in played) and all(
         endpoint.node.path in again or endpoint.topic in tree
-        for endpoint in endpoints(subject.stage, subject.platform)
+        for endpoint in endpoints(subject.stage)
         if is_at_or_below(endpoint.node.path, graph)
     )
     yield from map(RemovePrim, [graph] if is_copy else sorted(again.difference(played)))
@@ -146,8 +146,8 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
     """
     first: dict[tuple[str, str], Endpoint] = {}
     for endpoint in (
-        *running_endpoints(subject.stage, subject.platform, "publishes"),
-        *running_endpoints(subject.stage, subject.platform, "subscribes"),
+        *running_endpoints(subject.stage, "publishes"),
+        *running_endpoints(subject.stage, "subscribes"),
     ):
         if endpoint.type is None:
             continue
@@ -203,7 +203,7 @@ def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
     """
     if isinstance(subject, StageSubject) and not subject.checkpoint.topics:
         return
-    for endpoint in endpoints(subject.stage, subject.platform):
+    for endpoint in endpoints(subject.stage):
         is_sent = endpoint.direction == "publishes" and endpoint.runs and endpoint.topic
         if not is_sent or endpoint.qos is None or plays_role(endpoint, subject):
             continue
@@ -247,10 +247,10 @@ def _of_transforms(
 ) -> Problem | None:
     """Return what is wrong with how transforms are sent: `switch` has them sent once."""
     node, topic = endpoint.node, str(endpoint.topic)
-    is_once = effective_value(node, switch, live_nodes(subject.stage, subject.platform)) is True
+    is_once = effective_value(node, switch, live_nodes(subject.stage)) is True
     is_kept, is_for_static = qos.durability == _KEPT, topic.endswith(_STATIC)
     how = "once, at the first tick" if is_once else "without keeping it for tf2"
-    moves = moving_source(node, subject.stage, subject.platform) if is_for_static else None
+    moves = moving_source(node, subject.stage) if is_for_static else None
     if moves is not None and (is_once or not is_kept):
         belongs = topic.removesuffix(_STATIC) + _MOVING
         return Problem(

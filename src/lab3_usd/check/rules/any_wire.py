@@ -30,7 +30,7 @@ _MOST_REWIRED = 100
 
 def _faults(subject: GraphsSubject, *kinds: str) -> Iterator[tuple[WireFault, Connection]]:
     """Yield the faulty wires of some kinds."""
-    live = live_nodes(subject.stage, subject.platform)
+    live = live_nodes(subject.stage)
     for fault in subject.wire_faults:
         if fault.kind in kinds and fault.actual is not None:
             yield fault, connection(fault.node, fault.port, fault.actual, live)
@@ -107,7 +107,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
     for fault, wire in _faults(subject, "dead", "leftover"):
         if wire.source is not None and wire.source.type is not None:
             yield _dead_wire(fault, wire, subject)
-    for wire in connections(subject.stage, subject.platform):
+    for wire in connections(subject.stage):
         source, kind = wire.source, wire.node.type
         if source is not None and source.type is not None and _leaves_out(source, wire.source_port):
             near = meant_port(wire.source_port, source.type, is_source=True)
@@ -189,7 +189,7 @@ def leftover_wire(subject: GraphSubject) -> Iterator[Problem]:
 
 def _dead_wire(fault: WireFault, wire: Connection, subject: GraphsSubject) -> Problem:
     """Return the problem of a wire that nothing can be the source of."""
-    is_fed = (wire.node.path, wire.port) in fed_inputs(subject.stage, subject.platform)
+    is_fed = (wire.node.path, wire.port) in fed_inputs(subject.stage)
     problem = Problem(
         wire.node.path,
         "",
@@ -205,7 +205,7 @@ def _dead_wire(fault: WireFault, wire: Connection, subject: GraphsSubject) -> Pr
         return _with_port(problem, opening, wire, subject)
     reason = "is a prim, not a port"
     if wire.source_prim:
-        dead = why_dead(wire, subject.stage, subject.platform)
+        dead = why_dead(wire, subject.stage)
         if dead is None:
             message = f"{opening}which may be in an asset that cannot be found"
             return replace(problem, message=message, severity="note")
@@ -316,7 +316,7 @@ def wire_cycle(subject: GraphsSubject) -> Iterator[Problem]:
     for sensors. Kit's code is not public.
     """
     for fault, wire in _faults(subject, "cycle"):
-        paths = cycle_of(wire, live_nodes(subject.stage, subject.platform))
+        paths = cycle_of(wire, live_nodes(subject.stage))
         names = [path.rpartition("/")[2] for path in (*paths, *paths[:1])]
         yield Problem(
             wire.node.path,

@@ -82,7 +82,7 @@ def _placements(view: TfView) -> tuple[_Placement, ...]:
         if path not in view.role_specs and not view.is_heard(domain):
             continue
         parent = parent if isinstance(parent, str) else None
-        runs = path in running_nodes(view.subject.stage, view.subject.lab.platform)
+        runs = path in running_nodes(view.subject.stage)
         unheard = ", though not on a topic of tf2" if runs else ", though nothing triggers it"
         port = _wrong_port(parent, tf_ports(node), view)
         found[path] = _Placement(path, parent, child, port, unheard)

@@ -114,7 +114,7 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
     """
     for sensor in present_sensors(subject, LIDAR):
         prim = sensor.prim
-        values = values_of(prim, subject.platform, subject.stage)
+        values = values_of(prim, subject.stage)
         for name, entry in sensor.spec.required.items():
             if not same_value(values.get(name), entry.value):
                 expected, actual_text = display(entry.value), display(prim.attributes.get(name))
@@ -269,9 +269,7 @@ def _blind_ranges(lidar: PresentSensor, scan: ScanSpec, subject: StageSubject) -
     at = place_of(prim, subject)
     if scan.ranges is None or units.actual != units.expected:
         return
-    near, far = (
-        values_of(prim, subject.platform, subject.stage).number(name) for name in scan.ranges
-    )
+    near, far = (values_of(prim, subject.stage).number(name) for name in scan.ranges)
     is_range = near is None or far is None or 0 <= near < far
     robot = subject.lab.scene.robot_of(prim.path)
     beside = "" if robot is None else robot.path
@@ -310,7 +308,7 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
     Basis: the schema of Isaac Sim 6.0.1, for the emitters.
     """
     for lidar, scan in _scanning(subject):
-        values = values_of(lidar.prim, subject.platform, subject.stage)
+        values = values_of(lidar.prim, subject.stage)
         faults = [*_part_of_circle(values, scan), *_other_points(values, scan)]
         found = [_problem(lidar, scan, fault) for fault in faults]
         for name in values.attributes or values.written:
@@ -353,7 +351,7 @@ def _not_level(
 ) -> Iterator[Problem]:
     """Yield elevations that are not level: as written, or else those of the schema."""
     prim, profile = lidar.prim, lidar.spec.attributes
-    degrees = numbers(entries(values_of(prim, subject.platform, subject.stage).get(name)))
+    degrees = numbers(entries(values_of(prim, subject.stage).get(name)))
     steepest = max(degrees, key=abs, default=0.0)
     if abs(steepest) <= scan.level:
         return

@@ -39,10 +39,8 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
 
     Example: one of four publishers has no wire at `inputs:context`.
     """
-    connected = [
-        entry for entry in context_inputs(subject.stage, subject.platform) if entry.contexts
-    ]
-    unset = [entry for entry in context_inputs(subject.stage, subject.platform) if not entry.is_set]
+    connected = [entry for entry in context_inputs(subject.stage) if entry.contexts]
+    unset = [entry for entry in context_inputs(subject.stage) if not entry.is_set]
     for entry in unset if connected else ():
         if has_side_effects(entry.node) and subject.runs(entry.node.path):
             context = connected[0].contexts[0].path
@@ -56,7 +54,7 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
                 expected=f"{context}.outputs:context",
                 fix=context_wire(entry.node, entry.port, subject),
             )
-    for node, port, handle in invalid_contexts(subject.stage, subject.platform):
+    for node, port, handle in invalid_contexts(subject.stage):
         if has_side_effects(node):
             yield Problem(
                 node.path,
@@ -82,12 +80,12 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
 
     Example: one context has `domain_id = 5`, the other `domain_id = 0`.
     """
-    contexts_of = domains(subject.stage, subject.platform)
+    contexts_of = domains(subject.stage)
     if len(contexts_of) < 2:  # noqa: PLR2004 - the first is what the others differ from
         return
     clocks, others_of = set[str](), set[str]()
     for direction in ("publishes", "subscribes"):
-        for endpoint in running_endpoints(subject.stage, subject.platform, direction):
+        for endpoint in running_endpoints(subject.stage, direction):
             (clocks if endpoint.type == CLOCK else others_of).add(endpoint.domain.name)
     if {domain.name for domain in contexts_of} <= clocks & others_of:
         return
@@ -119,7 +117,7 @@ def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
     """
     ros = subject.platform.ros
     port, switch = INPUT + ros.domain, INPUT + ros.domain_by_environment
-    for contexts in domains(subject.stage, subject.platform).values():
+    for contexts in domains(subject.stage).values():
         for context in contexts:
             number = effective_value(context, port, subject.live)
             is_asked = effective_value(context, switch, subject.live) is True
@@ -146,7 +144,7 @@ def domain_range(subject: LintSubject) -> Iterator[Problem]:
     Example: a ROS2 Context with `inputs:domain_id = 250`.
     """
     port = INPUT + subject.platform.ros.domain
-    for domain, contexts in domains(subject.stage, subject.platform).items():
+    for domain, contexts in domains(subject.stage).items():
         for context in contexts if (domain.number or 0) > LAST_DOMAIN else ():
             yield Problem(
                 context.path,
@@ -169,11 +167,7 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
 
     Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
     """
-    clocks = [
-        end
-        for end in running_endpoints(subject.stage, subject.platform, "publishes")
-        if end.type == CLOCK
-    ]
+    clocks = [end for end in running_endpoints(subject.stage, "publishes") if end.type == CLOCK]
     first: dict[str, list[Endpoint]] = {}  # by domain: the first clocks on two topics
     for clock in clocks:
         pair = first.setdefault(clock.domain.name, [clock])
@@ -200,7 +194,7 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
 def _namespaces(node: Node, subject: LintSubject) -> Iterator[Place]:
     """Yield the attributes of prims that put a node's topics into a namespace."""
     attribute = subject.platform.ros.namespace_attribute
-    moving = moving_prims(node, subject.stage, subject.platform, subject.live)
+    moving = moving_prims(node, subject.stage, subject.live)
     return ((path, attribute) for path, _ in moving)
 
 
@@ -215,7 +209,7 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
     """
-    every = list(stamps(subject.stage, subject.platform))
+    every = list(stamps(subject.stage))
     simulated = {stamp.domain.name: stamp for stamp in every[::-1] if stamp.clock == "simulation"}
     for stamp in every:
         other = simulated.get(stamp.domain.name)
@@ -248,9 +242,7 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/clock` has `resetOnStop = 0` while the lidar helper keeps its default, which is on.
     """
-    simulated = [
-        stamp for stamp in stamps(subject.stage, subject.platform) if stamp.clock == "simulation"
-    ]
+    simulated = [stamp for stamp in stamps(subject.stage) if stamp.clock == "simulation"]
     leading: dict[str, Stamp] = {}  # by domain: the clock, else the first message
     for stamp in sorted(simulated, key=lambda stamp: not stamp.is_clock):
         leading.setdefault(stamp.domain.name, stamp)
@@ -283,7 +275,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     Example: a graph with odometry and transforms only.
     """
     stamped: dict[Domain, list[Stamp]] = {}
-    for stamp in stamps(subject.stage, subject.platform):
+    for stamp in stamps(subject.stage):
         if stamp.clock == "simulation":
             stamped.setdefault(stamp.domain, []).append(stamp)
     clocks = [

@@ -50,7 +50,7 @@ def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
     Example: two Get Array Index nodes behind a Differential Controller, both with index 0.
     """
     by_source: dict[str, list[Connection]] = {}
-    for wire in connections(subject.stage, subject.platform):
+    for wire in connections(subject.stage):
         by_source.setdefault(wire.source_prim, []).append(wire)
     for maker in subject.live.values():
         for out, size in maker.type.sizes.items() if maker.type is not None else ():
@@ -98,7 +98,7 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
     Example: an importer left `stiffness = 10000` on the wheel joints.
     """
     judged: set[str] = set()
-    for command in commands(subject.stage, subject.platform):
+    for command in commands(subject.stage):
         for joint in _joints_moved_by("velocity", command, subject):
             why = of_drive(joint.type, joint.apis, joint.attributes, "velocity")
             if why is not None and joint.path not in judged:
@@ -111,13 +111,13 @@ def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject)
     given = [_KINDS[port] for port in wired_commands(command)]
     if kind not in given or not command.roots:
         return
-    stage, platform = subject.stage, subject.platform
+    stage = subject.stage
     if _has_known_joints(kind, command):
-        joints = commanded_joints(command, _PORTS[kind], stage, platform)
+        joints = commanded_joints(command, _PORTS[kind], stage)
     else:
-        joints = reached_joints(command, stage, platform)
+        joints = reached_joints(command, stage)
         if kind == "velocity" and moving_command(given, _gains(joints)) != "position":
-            joints = reached_joints(command, stage, platform, with_wheels=True)
+            joints = reached_joints(command, stage, with_wheels=True)
     joints = [joint for joint in joints if joint.type in DRIVEN_AXES]
     if moving_command(given, _gains(joints)) == kind:
         yield from joints
@@ -168,8 +168,8 @@ def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
     Example: `stiffness = 0` on one of the six joints of an arm.
     """
     judged: set[str] = set()
-    for command in commands(subject.stage, subject.platform):
-        if controller_of(command, subject.stage, subject.platform) is not None:
+    for command in commands(subject.stage):
+        if controller_of(command, subject.stage) is not None:
             continue  # speeds of wheels, which are no positions
         kinds: tuple[JointCommand, ...] = ("position", "effort")
         for kind in kinds:

@@ -23,7 +23,7 @@ def tree_on_two_topics(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `odom -> base_link` on `/tf`, and `base_link -> wheel` on `/robot1/tf`.
     """
-    trees = heard_trees(subject.stage, subject.platform)
+    trees = heard_trees(subject.stage)
     carriers: dict[tuple[str, str], dict[int, Edge]] = {}  # by domain and frame: where it is placed
     for number, other in enumerate(trees):
         for edge in other.tree.edges:
@@ -73,7 +73,7 @@ def odometry_tf_mismatch(subject: LintSubject) -> Iterator[Problem]:
 
     Example: the message has `odom` and `base_link`, the transform `odom -> base_footprint`.
     """
-    for pair in odometry_pairs(subject.stage, subject.platform):
+    for pair in odometry_pairs(subject.stage):
         if pair.sent and pair.message != pair.transform:
             yield Problem(
                 pair.publisher.path,

@@ -40,8 +40,8 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
     Example: `ros2_publish_odometry.inputs:timeStamp` without a wire.
     """
     needs = subject.platform.needs
-    for node in nodes_of(lambda kind: kind.type in needs, subject.stage, subject.platform):
-        if not (subject.runs(node.path) or is_wired(node, subject.stage, subject.platform)):
+    for node in nodes_of(lambda kind: kind.type in needs, subject.stage):
+        if not (subject.runs(node.path) or is_wired(node, subject.stage)):
             continue
         for need in unmet_needs(node, subject.platform, subject.live):
             may_be_filled = subject.is_module and any(
@@ -101,7 +101,7 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     Basis: Make Array is a node of Kit, whose code is not public; its page describes one input for
     each element. An empty joint name is rejected in `articulation.py:767`.
     """
-    for command in commands(subject.stage, subject.platform):
+    for command in commands(subject.stage):
         port = command.ports.joints
         if "" in (command.names or ()) and not command.node.sources(port):
             yield Problem(
@@ -110,7 +110,7 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                 property=port,
                 expected="names of joints",
             )
-    for node in nodes_of(lambda kind: kind.dynamic, subject.stage, subject.platform):
+    for node in nodes_of(lambda kind: kind.dynamic, subject.stage):
         items = array_items(node)
         if items is None:
             continue

@@ -39,7 +39,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `left_wheel` instead of `left_wheel_joint`.
     """
-    for command in commands(subject.stage, subject.platform):
+    for command in commands(subject.stage):
         known = joints_of(command, subject.stage)
         for name in command.names or () if command.roots else ():
             overrides = [joint.attributes.get("isaac:nameOverride") for joint in known.values()]
@@ -138,7 +138,7 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `jointNames = ["left_wheel"]`, and a Differential Controller gives two speeds.
     """
-    for command in commands(subject.stage, subject.platform):
+    for command in commands(subject.stage):
         facts = subject.platform.joints.get(command.node.type.type if command.node.type else "")
         may_spread = facts is not None and is_within(
             subject.platform.release, "", facts.spreads_until
@@ -152,7 +152,7 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
             numbers = listed(command.node, command.ports.indices, subject.live)
             joints, listing = len(numbers or ()), command.ports.indices
         for port in command.ports.commands if joints else ():
-            given = number_of_commands(command, port, subject.stage, subject.platform)
+            given = number_of_commands(command, port, subject.stage)
             is_right = not given or given == joints or (given == 1 and (may_spread or is_for_all))
             if not is_right:
                 named = f"{port} and {listing} differ in length: {given} and {joints}"
@@ -190,8 +190,8 @@ def ignored_indices(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:jointIndices = [0]` for the first joint of an arm.
     """
-    for command in commands(subject.stage, subject.platform):
-        indices = unused_indices(command.node, command.ports, subject.stage, subject.platform)
+    for command in commands(subject.stage):
+        indices = unused_indices(command.node, command.ports, subject.stage)
         joints = joints_of(command, subject.stage) if command.roots else {}
         if indices and not command.names and len(joints) != 1:
             yield Problem(

@@ -41,7 +41,7 @@ def unknown_message(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:messageName = "Float32.msg"`, or the package `geometry_msg`.
     """
-    for node in nodes_of(_names_message, subject.stage, subject.platform):
+    for node in nodes_of(_names_message, subject.stage):
         named = _named(node, subject)
         if named is None or node.type is None:
             continue
@@ -68,11 +68,11 @@ def service_types(subject: LintSubject) -> Iterator[Problem]:
     """
     types = {
         node.path: (node, "/".join(named))
-        for node in nodes_of(lambda kind: kind.role == "service", subject.stage, subject.platform)
+        for node in nodes_of(lambda kind: kind.role == "service", subject.stage)
         for named in [_named(node, subject)]
         if named is not None
     }
-    for wire in connections(subject.stage, subject.platform) if types else ():
+    for wire in connections(subject.stage) if types else ():
         kind = wire.node.type
         if wire.source is None or kind is None or wire.port not in kind.ports or kind.services:
             continue  # a response has no name: it gets its server
@@ -104,5 +104,5 @@ def _service(node: Node, subject: LintSubject) -> str:
     written = effective_value(node, port, subject.live) if port else None
     if not isinstance(written, str):
         return ""
-    space = namespace_of(node, subject.stage, subject.platform, subject.live)
+    space = namespace_of(node, subject.stage, subject.live)
     return resolve(space, written) or ""

@@ -49,15 +49,11 @@ _WHEEL_SPEEDS = "speeds of wheels"
 def _wheel_commands(subject: LintSubject) -> tuple[tuple[Command, tuple[Prim, ...]], ...]:
     """Return the commands that a controller of wheels computes, with the joints of the wheels."""
     found = []
-    for command in commands(subject.stage, subject.platform):
+    for command in commands(subject.stage):
         _, velocity, _ = command.ports.commands
-        given = (
-            quantity_of(command.node, velocity, subject.stage, subject.platform)
-            if command.roots
-            else None
-        )
+        given = quantity_of(command.node, velocity, subject.stage) if command.roots else None
         if given is not None and given.name == _WHEEL_SPEEDS and subject.runs(command.node.path):
-            wheels = commanded_joints(command, velocity, subject.stage, subject.platform)
+            wheels = commanded_joints(command, velocity, subject.stage)
             found.append((command, tuple(wheels)))
     return tuple(found)
 
@@ -274,7 +270,7 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
         for joint in wheels
         if (wheel := _wheel(joint, wheels, subject.stage)) is not None
     }
-    for odometry in followed_bodies(subject.stage, subject.platform):
+    for odometry in followed_bodies(subject.stage):
         if odometry.body is not None and odometry.body.path in turning:
             joint = turning[odometry.body.path]
             yield Problem(
@@ -286,7 +282,7 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
                 related=(joint,),
             )
     told, robots = set(turning), joined_bodies(subject.stage)
-    for pose in misnamed_poses(subject.stage, subject.platform):
+    for pose in misnamed_poses(subject.stage):
         body = "" if pose.followed.body is None else pose.followed.body.path
         if body not in told and robots.owner(pose.prim) == robots.owner(body):
             told.add(body)
@@ -334,7 +330,7 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown(joint.path),
                 )
-    for command, controller, pair in driven_pairs(subject.stage, subject.platform):
+    for command, controller, pair in driven_pairs(subject.stage):
         bases = _bases(subject.stage, pair)
         sides = [next((i for i, path in enumerate(bodies(j)) if path in bases), None) for j in pair]
         axes = [

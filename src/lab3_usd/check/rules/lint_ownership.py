@@ -52,12 +52,12 @@ def another_robot(subject: LintSubject) -> Iterator[Problem]:
 
 def _by_namespace(subject: LintSubject) -> Iterator[Problem]:
     """Yield what shows another robot than the one that is commanded in the namespace."""
-    spaces = robot_spaces(subject.stage, subject.platform)
+    spaces = robot_spaces(subject.stage)
     bodies = joined_bodies(subject.stage)
-    robots = set(commanded_robots(subject.stage, subject.platform).values())
+    robots = set(commanded_robots(subject.stage).values())
     robots |= {bodies.owner(root.path) for root in subject.stage.with_api(ARTICULATION_API)} - {""}
     parents = _parent_prims(subject)
-    for end in running_endpoints(subject.stage, subject.platform, "publishes"):
+    for end in running_endpoints(subject.stage, "publishes"):
         robot = _robot_of_space(end, spaces)
         for node, port, prim in _shown(end.node, subject) if robot else ():
             owner = bodies.owner(prim)
@@ -96,7 +96,7 @@ def _shown(publisher: Node, subject: LintSubject) -> Iterator[tuple[Node, str, s
 def _by_frame(subject: LintSubject) -> Iterator[Problem]:
     """Yield odometry that names the frame of another robot."""
     bodies = joined_bodies(subject.stage)
-    for pose in misnamed_poses(subject.stage, subject.platform):
+    for pose in misnamed_poses(subject.stage):
         path = pose.followed.prim.path
         if bodies.owner(pose.prim) not in {"", bodies.owner(path)}:
             yield misnamed(pose, "another robot", _unknown(subject, pose.prim, path))
@@ -108,9 +108,7 @@ def _by_parent(subject: LintSubject) -> Iterator[Problem]:
     Those of another robot's root may be meant: they say where it is.
     """
     bodies, prims_above = joined_bodies(subject.stage), _parent_prims(subject)
-    makers = dict.fromkeys(
-        edge.cause for edge in all_edges(subject.stage, subject.platform) if edge.prim
-    )
+    makers = dict.fromkeys(edge.cause for edge in all_edges(subject.stage) if edge.prim)
     parents = {path: parent_prim(subject.live[path]) for path in makers}
     owners = {path: bodies.owner(prim) for path, prim in parents.items() if prim}
     for path, owner in owners.items():
@@ -142,7 +140,7 @@ def _by_parent(subject: LintSubject) -> Iterator[Problem]:
 
 def _parent_prims(subject: LintSubject) -> frozenset[str]:
     """Return the prims below whose frames nodes hang others."""
-    makers = nodes_of(lambda kind: kind.tf, subject.stage, subject.platform)
+    makers = nodes_of(lambda kind: kind.tf, subject.stage)
     return frozenset(map(parent_prim, makers))
 
 
@@ -173,7 +171,7 @@ def shared_tf_topic(subject: LintSubject) -> Iterator[Problem]:
     publish on `/fleet/tf`.
     """
     name = subject.platform.ros.namespace_attribute
-    for shared in shared_tf_topics(subject.stage, subject.platform):
+    for shared in shared_tf_topics(subject.stage):
         yield Problem(
             shared.prim,
             f"{name} puts the transforms of {' and '.join(shared.publishers)} on {shared.topic}",

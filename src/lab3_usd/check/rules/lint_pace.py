@@ -80,7 +80,7 @@ def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _helpers(subject: LintSubject) -> Iterator[Node]:
-    helpers = nodes_of(lambda kind: kind.role == _HELPER, subject.stage, subject.platform)
+    helpers = nodes_of(lambda kind: kind.role == _HELPER, subject.stage)
     return (node for node in helpers if subject.runs(node.path))
 
 

@@ -44,7 +44,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:targetPrim` names `/World/robot/base_link`, the root is on `/World/robot`.
     """
-    for command in commands(subject.stage, subject.platform):
+    for command in commands(subject.stage):
         is_there = subject.stage.prim(command.robot) is not None
         is_by_path = command.port == command.ports.path
         if not command.robot or not (is_there or is_by_path):
@@ -80,9 +80,7 @@ def nested_articulation(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: OpenUSD's validators reject it, as `NestedArticulation`. PhysX's parser is not public.
     """
-    roots = dict.fromkeys(
-        root for command in commands(subject.stage, subject.platform) for root in command.roots
-    )
+    roots = dict.fromkeys(root for command in commands(subject.stage) for root in command.roots)
     for root in roots:
         tops = {top for top in upwards(root.rpartition("/")[0]) if top in roots}
         above = min(tops, key=[*roots].index) if len(tops) > 1 else next(iter(tops), None)
@@ -102,7 +100,7 @@ def odometry_without_body(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
     """
-    for odometry in followed_bodies(subject.stage, subject.platform):
+    for odometry in followed_bodies(subject.stage):
         if not odometry.is_body or _is_empty_root(odometry, subject.stage):
             yield Problem(
                 odometry.node.path,
@@ -149,7 +147,7 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
-    for command, controller, pair in driven_pairs(subject.stage, subject.platform):
+    for command, controller, pair in driven_pairs(subject.stage):
         one, other = (wheel_radius(joint, subject.stage) or 0.0 for joint in pair)
         if one and other and not math.isclose(one, other, rel_tol=_CLOSE):
             yield Problem(
@@ -161,7 +159,7 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
             )
         of_pair = pair_sizes(pair, subject.stage)
         yield from _unlike_sizes(command, controller, pair, of_pair, subject)
-    for command, controller, wheels in driven_wheels(subject.stage, subject.platform):
+    for command, controller, wheels in driven_wheels(subject.stage):
         if of_car := car_sizes(wheels, subject.stage):
             yield from _unlike_sizes(command, controller, wheels, of_car, subject)
 
@@ -178,7 +176,7 @@ def _unlike_sizes(
     if known is None:
         return
     speed = next((INPUT + name for name, taken in known.takes.items() if _SPEED in taken), "")
-    unit = unit_of(controller, speed, subject.stage, subject.platform)
+    unit = unit_of(controller, speed, subject.stage)
     units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
     unit_text = "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
     for port, measured in ((INPUT + name, sizes.get(size)) for name, size in known.sizes.items()):
@@ -210,7 +208,7 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
 
     Example: the menu's Differential Controller graph beside another one on the same robot.
     """
-    for command in commands(subject.stage, subject.platform):
+    for command in commands(subject.stage):
         if not subject.runs(command.node.path):
             continue
         for name, count in Counter(command.names or ()).items():
@@ -222,7 +220,7 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
                     expected="each joint once",
                     actual=", ".join(command.names or ()),
                 )
-        rivals = commands_of(command.roots, subject.stage, subject.platform)
+        rivals = commands_of(command.roots, subject.stage)
         for other in rivals:
             if other is command:
                 break
@@ -269,9 +267,7 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[st
     kinds = set(wired_commands(one)) & set(wired_commands(other))
     if not kinds:
         return [], True
-    first, second = (
-        named_joints(command, subject.stage, subject.platform) for command in (one, other)
-    )
+    first, second = (named_joints(command, subject.stage) for command in (one, other))
     if first is not None and second is not None:
         return [name for name in first if name in second], True
     # Whatever the other names are, they are among those of a command of all joints.
@@ -291,7 +287,7 @@ def joint_order(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `jointNames = ["wheel_right_joint", "wheel_left_joint"]`.
     """
-    for command, controller, wheels in driven_wheels(subject.stage, subject.platform):
+    for command, controller, wheels in driven_wheels(subject.stage):
         expected = _in_order(wheels, subject.stage) if len(wheels) in _ORDERS else wheels
         if expected != wheels:
             names = ", ".join(joint.name for joint in wheels)

@@ -65,8 +65,8 @@ def never_executes(subject: LintSubject) -> Iterator[Problem]:
     Example: a ROS2 Publish Odometry whose `execIn` is not connected.
     """
     for graph in subject.graphs():
-        if graph.active and is_graph_evaluated(graph, subject.stage, subject.platform):
-            for stop in stops(graph, subject.stage, subject.platform):
+        if graph.active and is_graph_evaluated(graph, subject.stage):
+            for stop in stops(graph, subject.stage):
                 if stop.reason in _REASONS and _matters(stop, subject):
                     yield _stopped(stop, subject)
 
@@ -76,11 +76,7 @@ def _matters(stop: Stop, subject: LintSubject) -> bool:
     nodes = (stop.node, *stop.waiting)
     if any(has_side_effects(node) for node in nodes):
         return True
-    return any(
-        subject.runs(target.path)
-        for node in nodes
-        for target in feeds(node, subject.stage, subject.platform)
-    )
+    return any(subject.runs(target.path) for node in nodes for target in feeds(node, subject.stage))
 
 
 def _stopped(stop: Stop, subject: LintSubject) -> Problem:
@@ -202,14 +198,14 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
     """
     form = subject.platform.graph.evaluation
     for graph in subject.graphs():
-        if not graph.active or not is_graph_evaluated(graph, subject.stage, subject.platform):
+        if not graph.active or not is_graph_evaluated(graph, subject.stage):
             continue
         if graph.attributes.get(form.evaluator) in form.all_nodes:
             continue
         for node in graph.nodes:
             needed = event_of(node, subject.platform)
             if needed and not subject.runs(node.path) and node.path in subject.live:
-                waiting = feeds(node, subject.stage, subject.platform)
+                waiting = feeds(node, subject.stage)
                 if waiting:
                     yield Problem(
                         node.path,
@@ -254,7 +250,7 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
                 actual="False",
                 severity=severity,
             )
-        sensor = switched_off_target(node, subject.stage, subject.platform)
+        sensor = switched_off_target(node, subject.stage)
         asked = subject.platform.targets.get(node.type.type) if node.type and sensor else None
         if asked is not None and subject.runs(node.path):
             yield Problem(
@@ -267,7 +263,7 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
                 severity="warning",
             )
         gate = shut_gate(node, subject.live, subject.platform)
-        waiting = feeds(node, subject.stage, subject.platform) if gate is not None else []
+        waiting = feeds(node, subject.stage) if gate is not None else []
         if waiting:
             yield Problem(
                 node.path,
@@ -289,7 +285,7 @@ def _never_chosen(node: Node, subject: LintSubject) -> Iterator[Problem]:
         return
     waiting = [
         target
-        for target in feeds(node, subject.stage, subject.platform)
+        for target in feeds(node, subject.stage)
         if any(f"{node.path}.{closed}" in state.sources for state in target.ports.values())
         and not subject.runs(target.path)
     ]
@@ -321,9 +317,7 @@ def two_events(subject: LintSubject) -> Iterator[Problem]:
     for node in subject.live.values():
         if sum(len(node.sources(port)) for port in signal_inputs(node)) <= 1:
             continue  # which brings no other events than the node before has
-        is_judged = any(
-            map(has_side_effects, (node, *feeds(node, subject.stage, subject.platform)))
-        )
+        is_judged = any(map(has_side_effects, (node, *feeds(node, subject.stage))))
         events = _events(node, subject) if is_judged else {}
         # Of a node that is behind another one with the same events the first tells enough.
         ahead = [_events(source, subject) for source in signal_sources(node, subject.live)]
@@ -342,7 +336,7 @@ def two_events(subject: LintSubject) -> Iterator[Problem]:
 def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
     """Return the events by which a node surely executes at every update, by path."""
     usual = subject.platform.graph.value(subject.platform.graph.evaluation.stage)
-    states = run_states(subject.stage, subject.platform)
+    states = run_states(subject.stage)
     events: dict[str, Node] = {}
     seen, ahead = {node.path}, [node]
     while ahead:
@@ -371,7 +365,7 @@ def run_ends(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: the documentation of these nodes; Kit's code is not public.
     """
-    for node, ports in writing_nodes(subject.stage, subject.platform):
+    for node, ports in writing_nodes(subject.stage):
         effect = effect_on_run(node, ports, subject.live)
         if effect:
             yield Problem(node.path, f"{subject.title(node)} {effect}", actual=node.saved_type)

@@ -12,7 +12,6 @@ from lab3_usd.facts.execution_order import is_switched_on, nodes_of
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.render_products import has_two_sizes, stereo_products
 from lab3_usd.facts.sensor_topics import SensorTopic, frame_prims, resting_frames, sensor_topics
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, once_per_stage
@@ -45,12 +44,12 @@ class _Named(Struct, frozen=True, eq=False):
 def _named_prims(topic: SensorTopic, subject: LintSubject) -> _Named:
     """Return the prims whose place the frame of a topic has, none where nothing tells it."""
     name, domain = topic.frame, topic.endpoint.domain.name
-    return _of_frame(subject.stage, subject.platform, domain, name)
+    return _of_frame(subject.stage, domain, name)
 
 
 @once_per_stage
-def _of_frame(stage: StageModel, platform: Platform, domain: str, name: str) -> _Named:
-    paths = frame_prims(stage, platform).get((domain, name), ())
+def _of_frame(stage: StageModel, domain: str, name: str) -> _Named:
+    paths = frame_prims(stage).get((domain, name), ())
     prims = [prim for path in paths if (prim := stage.prim(path)) is not None]
     known, rigid_of = (prim.path for prim in prims), joined_bodies(stage).rigid_of
     return _Named(prims, frozenset(known), frozenset(rigid_of(prim.path) for prim in prims))
@@ -83,7 +82,7 @@ def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a lidar helper with the frame of the camera, or with that of the other lidar.
     """
-    for topic in sensor_topics(subject.stage, subject.platform):
+    for topic in sensor_topics(subject.stage):
         frame = _named_prims(topic, subject)
         named, is_own = frame.prims, topic.sensor.path in frame.paths
         if not named or is_own or not all(_is_another(prim, topic, subject) for prim in named):
@@ -137,7 +136,7 @@ def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a scan in `odom`; the `depth_pcl` of a camera in `base_link`.
     """
-    for topic in sensor_topics(subject.stage, subject.platform):
+    for topic in sensor_topics(subject.stage):
         fits = topic.reads.in_frame.items()
         if any(topic.sensor.attributes.get(name, value) != value for name, value in fits):
             continue
@@ -166,7 +165,7 @@ def _resting(topic: SensorTopic, subject: LintSubject) -> str:
     """Return what is wrong with a frame that stands still, '' for nothing."""
     key, sensor = (topic.endpoint.domain.name, topic.frame), topic.sensor.path
     bodies = joined_bodies(subject.stage)
-    is_resting = key in resting_frames(subject.stage, subject.platform)
+    is_resting = key in resting_frames(subject.stage)
     if not is_resting or bodies.move_together(sensor, "/"):
         return ""
     return f"which stands still, and {sensor} moves with {bodies.carrier(sensor)}"
@@ -209,7 +208,7 @@ def image_info_mismatch(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/front/image_raw` of 1280 x 720, beside `/front/camera_info` of 640 x 480.
     """
-    topics = sensor_topics(subject.stage, subject.platform)
+    topics = sensor_topics(subject.stage)
     beside: dict[tuple[str, str], list[SensorTopic]] = {}  # by domain and namespace
     for topic in topics:
         if topic.endpoint.type in _IMAGES:
@@ -266,7 +265,7 @@ def stereo_pair(subject: LintSubject) -> Iterator[Problem]:
 
     Example: left 1280 x 720, right 640 x 480.
     """
-    for node in nodes_of(lambda kind: len(kind.topics) > 1, subject.stage, subject.platform):
+    for node in nodes_of(lambda kind: len(kind.topics) > 1, subject.stage):
         pair = stereo_products(node, subject.stage, subject.live)
         if pair is None or not (subject.runs(node.path) and is_switched_on(node, subject.live)):
             continue

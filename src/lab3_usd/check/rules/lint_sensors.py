@@ -30,7 +30,7 @@ _STEEP = 45.0  # degrees
 def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
     """Yield the nodes that publish a sensor, with what they ask of it and its path."""
     sensors = subject.platform.sensors
-    for node in nodes_of(lambda kind: kind.type in sensors, subject.stage, subject.platform):
+    for node in nodes_of(lambda kind: kind.type in sensors, subject.stage):
         needed = sensors.get("" if node.type is None else node.type.type)
         shown = shown_by(node, PRODUCT, subject.stage, subject.live)
         path = sensor_of(node, subject.live) if shown is None else shown.sensor
@@ -51,8 +51,8 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
     `OmniLidar`.
     """
     targets = subject.platform.targets
-    for node in nodes_of(lambda kind: kind.type in targets, subject.stage, subject.platform):
-        unread = refused_target(node, subject.stage, subject.platform)
+    for node in nodes_of(lambda kind: kind.type in targets, subject.stage):
+        unread = refused_target(node, subject.stage)
         if unread is not None:
             asked, path = unread.asked, unread.prim.path
             yield Problem(
@@ -154,7 +154,7 @@ def _sensor_faults(subject: LintSubject) -> Iterator[tuple[Prim, SensorFault]]:
     read = (stage.prim(path) for _, _, path in _read_sensors(subject))
     sensors = (*read, *stage.with_api(lambda api: models.is_sensor([api])))
     for prim in {prim.path: prim for prim in sensors if prim is not None and prim.present}.values():
-        for fault in faults_of(prim, subject.platform, stage):
+        for fault in faults_of(prim, stage):
             yield prim, fault
 
 
@@ -194,7 +194,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     """
     names = subject.platform.sensor_models.lidar
     for prim in _lidars(subject):
-        values = values_of(prim, subject.platform, subject.stage)
+        values = values_of(prim, subject.stage)
         tick, turns = values.number(names.rate), values.number(names.turns)
         if tick is not None and tick >= 0 and turns and tick != turns:
             yield Problem(
@@ -280,7 +280,7 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
                     expected="above 0",
                     actual="0",
                 )
-    for lost in lost_products(subject.stage, subject.platform):
+    for lost in lost_products(subject.stage):
         if lost.sure:
             yield Problem(
                 lost.node.path,

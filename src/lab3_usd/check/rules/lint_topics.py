@@ -42,7 +42,7 @@ def invalid_qos(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:qosProfile = '{"reliability": "bestEffort"}'`.
     """
-    for endpoint in endpoints(subject.stage, subject.platform):
+    for endpoint in endpoints(subject.stage):
         written = effective_value(endpoint.node, PROFILE, subject.live)
         if endpoint.qos is None and isinstance(written, str) and written:
             yield Problem(
@@ -67,9 +67,9 @@ def incompatible_qos(subject: LintSubject) -> Iterator[Problem]:
     Example: `/cmd_vel` is published as Sensor Data and subscribed with the default.
     """
     makers: dict[tuple[str | None, str], list[Endpoint]] = {}
-    for maker in running_endpoints(subject.stage, subject.platform, "publishes"):
+    for maker in running_endpoints(subject.stage, "publishes"):
         makers.setdefault((maker.topic, maker.domain.name), []).append(maker)
-    for taker in running_endpoints(subject.stage, subject.platform, "subscribes"):
+    for taker in running_endpoints(subject.stage, "subscribes"):
         for maker in makers.get((taker.topic, taker.domain.name), ()):
             if maker.qos is not None and taker.qos is not None:
                 mismatch = _mismatch(maker.qos, taker.qos)
@@ -103,7 +103,7 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:type = "depth_image"` on a ROS2 Camera Helper, which offers `depth`.
     """
-    for node in nodes_of(_offers_choices, subject.stage, subject.platform):
+    for node in nodes_of(_offers_choices, subject.stage):
         for name in node.ports:
             port = None if node.type is None else node.type.port(name)
             if port is None or not port.allowed:
@@ -174,7 +174,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:topicName = "camera-1/rgb image"`.
     """
-    for name in written_topics(subject.stage, subject.platform):
+    for name in written_topics(subject.stage):
         if name.resolved is None:
             yield Problem(
                 name.node.path,
@@ -193,7 +193,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
                 actual=name.written,
                 severity="note",
             )
-    for node, namespace in refused_namespaces(subject.stage, subject.platform):
+    for node, namespace in refused_namespaces(subject.stage):
         yield Problem(
             node.path,
             f"the namespace of its topics is {display(namespace)}, which ROS 2 rejects",
@@ -213,7 +213,7 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:frameId = "/base_scan"`.
     """
-    for node, port, value in written_frames(subject.stage, subject.platform):
+    for node, port, value in written_frames(subject.stage):
         is_stripped = node.type is not None and node.type.tf is not None  # by tf2
         is_padded = value != value.strip()
         if not value or is_padded or (value.startswith("/") and not is_stripped):

@@ -32,7 +32,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: the types that Isaac Sim's source registers. Kit's handling of other types is not public.
     """
-    for node in nodes_of_unknown_type(subject.stage, subject.platform):
+    for node in nodes_of_unknown_type(subject.stage):
         if not node.saved_type:
             yield Problem(
                 node.path,
@@ -118,7 +118,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     Example: a node of a third-party extension.
     """
     paths_by_type: dict[str, list[str]] = {}
-    for node in nodes_of_unknown_type(subject.stage, subject.platform):
+    for node in nodes_of_unknown_type(subject.stage):
         of_release = _other_release(node, subject)
         is_known = bool(node.saved_type)
         if is_known and (of_release is None or (_likely(node, subject) is None and not of_release)):

@@ -38,7 +38,7 @@ def value_and_wire(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: a saved stage keeps the value beside the wire. Kit's code is not public.
     """
-    for wire in connections(subject.stage, subject.platform):
+    for wire in connections(subject.stage):
         value = wire.node.ports[wire.port].value
         default = None if wire.node.type is None else wire.node.type.default(wire.port, None)
         if wire.is_live and value not in (None, default) and not is_nothing(value):
@@ -64,7 +64,7 @@ def wired_literal(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: NVIDIA's pages of the nodes. Kit's code is not public: a warning.
     """
-    for wire in connections(subject.stage, subject.platform):
+    for wire in connections(subject.stage):
         port = None if wire.node.type is None else wire.node.type.port(wire.port)
         if wire.is_live and port is not None and port.literal_only:
             yield Problem(
@@ -90,7 +90,7 @@ def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
     Example: a ROS2 Publish Odometry whose Exec In is connected to ROS2 Subscribe Twist.
     """
     judged: set[str] = set()
-    for wire in connections(subject.stage, subject.platform):
+    for wire in connections(subject.stage):
         kind = None if wire.source is None else wire.source.type
         ends = wire.ports
         if kind is None or ends is None or not ends[1].is_execution or wire.node.path in judged:
@@ -136,12 +136,10 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
     """
     known, needs = subject.platform.quantities, subject.platform.needs
     stamp = INPUT + subject.platform.ros.stamp
-    meant = nodes_of(
-        lambda kind: kind.type in known or kind.type in needs, subject.stage, subject.platform
-    )
+    meant = nodes_of(lambda kind: kind.type in known or kind.type in needs, subject.stage)
     for node in meant:
         for port, quantities in _quantities(node, subject).items():
-            given = quantity_of(node, port, subject.stage, subject.platform)
+            given = quantity_of(node, port, subject.stage)
             if given is not None and given.name not in quantities:
                 is_still = (given.name == _STEP and port == stamp) or (
                     given.name in _SPEEDS and _moves_nothing(node, port, subject)
@@ -177,6 +175,6 @@ def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
 
 def _moves_nothing(node: Node, port: str, subject: LintSubject) -> bool:
     return any(
-        command.node is node and leaves_joints(command, port, subject.stage, subject.platform)
-        for command in commands(subject.stage, subject.platform)
+        command.node is node and leaves_joints(command, port, subject.stage)
+        for command in commands(subject.stage)
     )

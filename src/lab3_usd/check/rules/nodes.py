@@ -17,7 +17,6 @@ from lab3_usd.check.repairs import TYPE, VERSION, edits_at
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
 from lab3_usd.facts.endpoints import Endpoint, running_endpoints
 from lab3_usd.facts.execution_order import live_nodes, severity_if_uncertain
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Activate, AddNode, Edit, RemovePrim
 from lab3_usd.model.finding import Problem, node_title, role_title
 from lab3_usd.model.stage import (
@@ -53,7 +52,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
     missing = missing_roles(subject.spec, subject.roles)
     if not missing:
         return
-    absent = absent_nodes(subject.spec, subject.roles, subject.stage, subject.lab.platform)
+    absent = absent_nodes(subject.spec, subject.roles, subject.stage)
     overs = [prim for prim in absent.values() if prim.reason == OVER]
     asset = subject.stage.unresolved_above(graph.path)
     if asset is not None and len(overs) > 1:
@@ -233,7 +232,7 @@ def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpo
     asked = _topics_asked(subject.lab)
     if subject.checkpoint.frames:
         asked -= {*subject.lab.platform.ros.tree_topics}  # which the rules of frames judge
-    by_node, by_topic = _published(subject.stage, subject.lab.platform)
+    by_node, by_topic = _published(subject.stage)
     pairs = [
         (own, other)
         for own in by_node.get(node.path, ())
@@ -248,10 +247,10 @@ _Ends = dict[str | None, list[Endpoint]]
 
 
 @once_per_stage
-def _published(stage: StageModel, platform: Platform) -> tuple[_Ends, _Ends]:
+def _published(stage: StageModel) -> tuple[_Ends, _Ends]:
     """Return what is published, by its node and by its topic."""
     by_node, by_topic = _Ends(), _Ends()
-    for endpoint in running_endpoints(stage, platform, "publishes"):
+    for endpoint in running_endpoints(stage, "publishes"):
         by_node.setdefault(endpoint.node.path, []).append(endpoint)
         by_topic.setdefault(endpoint.topic, []).append(endpoint)
     return by_node, by_topic
@@ -332,13 +331,11 @@ def wheels_commanded_twice(subject: RobotSubject) -> Iterator[Problem]:
     Example: `/Graph/differential_controller/ArticulationController`, created by Tools > Robotics >
     OmniGraph Controllers > Differential Controller.
     """
-    stage, lab, robot = subject.stage, subject.lab, subject.robot
-    live = live_nodes(stage, lab.platform)
+    stage, _lab, robot = subject.stage, subject.lab, subject.robot
+    live = live_nodes(stage)
     for node, own in second_commanders(subject):
         doubtful = (
-            "warning"
-            if is_doubtful(node, live)
-            else severity_if_uncertain(stage, lab.platform, node.path, own)
+            "warning" if is_doubtful(node, live) else severity_if_uncertain(stage, node.path, own)
         )
         yield Problem(
             node.path,

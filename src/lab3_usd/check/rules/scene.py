@@ -347,7 +347,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the robot has a key at time 50 that puts it at (9, 9, 9).
     """
-    nodes = live_nodes(subject.stage, subject.lab.platform)
+    nodes = live_nodes(subject.stage)
     for attribute in subject.stage.moving:
         severity = _severity(attribute, subject)
         if severity is not None:
@@ -367,7 +367,7 @@ def value_changes_with_time(subject: StageSubject) -> Iterator[Problem]:
 def _severity(moving: AnimatedAttribute, subject: StageSubject) -> Severity | None:
     """Return how grave it is that the value changes, None where it matters to nothing."""
     stage = subject.stage
-    if moving.prim in live_nodes(stage, subject.lab.platform):
+    if moving.prim in live_nodes(stage):
         return "warning" if moving.property.startswith(INPUT) else None
     prim = stage.prim(moving.prim)
     if prim is None:

@@ -34,9 +34,9 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
     Example: Write Prim Attribute sets `drive:angular:physics:targetVelocity` of `{joint}`.
     """
     stage, lab = subject.stage, subject.lab
-    live, played = live_nodes(stage, lab.platform), role_specs(subject)
+    live, played = live_nodes(stage), role_specs(subject)
     extra = {node.path for roles in subject.roles.values() for node in roles.extra}
-    for node, ports in writing_nodes(stage, lab.platform):
+    for node, ports in writing_nodes(stage):
         if node.path in played:
             continue  # the lab asks for it
         path, effect = node.path, effect_on_run(node, ports, live)
@@ -56,7 +56,7 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
         message = f"{node_title(node)} {effect}"
         severity: Severity | None = "warning"
         if is_harmful:
-            severity = severity_if_uncertain(stage, lab.platform, path)
+            severity = severity_if_uncertain(stage, path)
         role, robot = played.get(hit), lab.scene.robot_of(hit or "")
         yield Problem(
             path,

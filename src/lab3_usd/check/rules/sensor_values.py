@@ -23,11 +23,11 @@ def refused_values(
     A value that the lab asks for is reported as such, where it has another.
     """
     prim, spec = sensor.prim, sensor.spec
-    faults = faults_of(prim, subject.platform, subject.stage)
+    faults = faults_of(prim, subject.stage)
     faults = tuple(fault for fault in faults if fault.severity in severities)
     if not faults:
         return
-    values = values_of(prim, subject.platform, subject.stage)
+    values = values_of(prim, subject.stage)
     other = {
         name
         for name, entry in spec.required.items()

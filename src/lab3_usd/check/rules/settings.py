@@ -426,11 +426,11 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
     Example: `isaac:namespace` 'lab' on the robot root.
     """
     attribute, stage, lab = subject.lab.platform.ros.namespace_attribute, subject.stage, subject.lab
-    live = live_nodes(stage, lab.platform)
+    live = live_nodes(stage)
     moved: dict[tuple[str, str], list[str]] = {}
     for path, role in role_specs(subject).items():
         node = live.get(path) if role.type.topics else None
-        for site in () if node is None else moving_prims(node, stage, lab.platform, live):
+        for site in () if node is None else moving_prims(node, stage, live):
             moved.setdefault(site, []).append(path)
     asked = lab.scene.namespaces
     for demand in _namespaces(lab, subject.checkpoint):

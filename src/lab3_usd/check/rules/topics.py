@@ -28,7 +28,7 @@ def wired_qos(subject: StageSubject) -> Iterator[Problem]:
     """
     if not subject.checkpoint.topics:
         return
-    live, played = live_nodes(subject.stage, subject.lab.platform), role_specs(subject)
+    live, played = live_nodes(subject.stage), role_specs(subject)
     asked = {
         node.path
         for graph in subject.graphs
@@ -36,7 +36,7 @@ def wired_qos(subject: StageSubject) -> Iterator[Problem]:
         if wire.target.port == PROFILE
         and (node := graph.roles.node_of[wire.target.role]) is not None
     }
-    for endpoint in endpoints(subject.stage, subject.lab.platform):
+    for endpoint in endpoints(subject.stage):
         path = endpoint.node.path
         sources = [
             f"{node.name}.{port}" for node, port in live_sources(endpoint.node, PROFILE, live)
@@ -70,9 +70,7 @@ def second_subscriber(subject: StageSubject) -> Iterator[Problem]:
     Example: `/Graph/Copy` subscribes to `{commands}` beside the graph of the lab.
     """
     played = role_specs(subject)
-    takers = [
-        e for e in endpoints(subject.stage, subject.lab.platform) if e.direction == "subscribes"
-    ]
+    takers = [e for e in endpoints(subject.stage) if e.direction == "subscribes"]
     taken = {_heard(e, subject): e.node.path for e in takers if e.topic and e.node.path in played}
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     commanders = (node for robot in subject.robots for node, _ in second_commanders(robot))
@@ -109,7 +107,7 @@ def command_topic_published(subject: StageSubject) -> Iterator[Problem]:
     Example: a ROS2 Publisher publishes on `{commands}`.
     """
     played = role_specs(subject)
-    every_endpoint = endpoints(subject.stage, subject.lab.platform)
+    every_endpoint = endpoints(subject.stage)
     taken = {
         _heard(endpoint, subject): endpoint.node.path
         for endpoint in every_endpoint

@@ -23,7 +23,6 @@ from lab3_usd.facts.frames import (
     unresolved_frames,
 )
 from lab3_usd.installation import command_line
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import (
     ChecklistItem,
     Crash,
@@ -64,16 +63,16 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         return None
     checkpoint = lab.checkpoints.get(result.checkpoint or "")
     try:
-        edges, hidden = _heard(model, lab.platform, every=checkpoint is None)
-        unknown = unknown_publishers(model, lab.platform)
+        edges, hidden = _heard(model, every=checkpoint is None)
+        unknown = unknown_publishers(model)
         reserved = lab.frames.reserved if result.checkpoint else {}
         tree = TreeReport(result.path, edges, unknown, reserved, hidden)
         pictures = (
-            linted_pictures(lab.platform, model, result.findings)
+            linted_pictures(model, result.findings)
             if checkpoint is None
             else _pictures(lab, checkpoint, model, result.findings)
         )
-        topics = TopicReport(result.path, endpoints(model, lab.platform), edges, hidden)
+        topics = TopicReport(result.path, endpoints(model), edges, hidden)
         return StageContent(
             pictures=tuple(pictures),
             tree=tuple(as_text(tree)),
@@ -97,12 +96,12 @@ def _pictures(
 
 
 def _heard(
-    model: StageModel, platform: Platform, *, every: bool
+    model: StageModel, *, every: bool
 ) -> tuple[tuple[Edge, ...], tuple[UnresolvedFrames, ...]]:
     """Return the transforms and unknown frames of /tf, or those of `every` topic."""
     if every:
-        return all_edges(model, platform), all_unresolved_frames(model, platform)
-    return published_edges(model, platform), unresolved_frames(model, platform)
+        return all_edges(model), all_unresolved_frames(model)
+    return published_edges(model), unresolved_frames(model)
 
 
 class PortLink(Struct, frozen=True):

@@ -18,7 +18,6 @@ from lab3_usd.facts.frames import (
     published_edges,
     unresolved_frames,
 )
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import GraphModel, StageModel
@@ -330,9 +329,9 @@ def stage_pictures(
             here = inside.get(graph.path, ())
             yield graph_picture(None, None, graph, here, every_port=every_port)
     if checkpoint is None:
-        yield from _published_trees(lab.platform, stage)
+        yield from _published_trees(stage)
         return
-    edges, hidden = published_edges(stage, lab.platform), unresolved_frames(stage, lab.platform)
+    edges, hidden = published_edges(stage), unresolved_frames(stage)
     has_tree, localized = checkpoint.frames, checkpoint.localization
     if edges or hidden or has_tree:
         yield frames_picture(lab.frames, edges, hidden, required=has_tree, localized=localized)
@@ -348,20 +347,20 @@ def _by_prim_above(findings: Iterable[Finding]) -> Mapping[str, Sequence[Finding
 
 
 def linted_pictures(
-    platform: Platform, stage: StageModel, findings: Sequence[Finding], *, every_port: bool = False
+    stage: StageModel, findings: Sequence[Finding], *, every_port: bool = False
 ) -> Iterator[Picture]:
     """Yield the graphs of a stage that no lab asks for, and its TF tree, with faults marked."""
     inside = _by_prim_above(findings)
     for graph in stage.graphs:
-        if graph.active and not platform.graph.ignores(graph.path):
+        if graph.active and not stage.platform.graph.ignores(graph.path):
             here = inside.get(graph.path, ())
             yield graph_picture(None, None, graph, here, every_port=every_port, kind="lint")
-    yield from _published_trees(platform, stage)
+    yield from _published_trees(stage)
 
 
-def _published_trees(platform: Platform, stage: StageModel) -> Iterator[Picture]:
+def _published_trees(stage: StageModel) -> Iterator[Picture]:
     """Yield the picture of the trees of a stage that no lab asks for, if it publishes any."""
-    edges, hidden = all_edges(stage, platform), all_unresolved_frames(stage, platform)
+    edges, hidden = all_edges(stage), all_unresolved_frames(stage)
     if edges or hidden:
         yield published_frames_picture(edges, hidden)
 

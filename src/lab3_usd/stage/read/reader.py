@@ -86,6 +86,7 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
     prims = StagePrims(reader, platform.graph, scan.others)
     kilograms = stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit")
     return StageModel(
+        platform=platform,
         up_axis=str(stage.GetMetadata("upAxis")),
         meters_per_unit=stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES),
         kilograms_per_unit=stage_number(kilograms, 1.0),  # which UsdPhysics assumes
