@@ -10,17 +10,20 @@ from msgspec.structs import replace
 from lab3_usd.errors import StageError
 from lab3_usd.grade.scoring import SubmissionFacts
 from lab3_usd.model.dry_run import Scene
+from lab3_usd.sim.commands import as_of_kind
 from lab3_usd.sim.dry_run import is_asked, scene_of, watched_body
-from lab3_usd.sim.execution.drive import drive_of
+from lab3_usd.sim.execution.drive import Session, drive_of
 from lab3_usd.sim.held_play import held_play
-from lab3_usd.sim.judge.checks import CHECKS, why_unplayed
+from lab3_usd.sim.judge.checks import checks_of, why_unplayed
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
 from lab3_usd.sim.judge.topics import expected_of_each
+from lab3_usd.sim.robots import drive_for, robot_of_kind
 from lab3_usd.sim.timeline import Player, played, trial_of
 from lab3_usd.spec.lab import Lab
 
 _Key = tuple[str, str]  # the content of a stage, and what is expected of it
-_Later = dict[str, tuple[Player, Expected]]  # the last play of a stage, by robot
+# The last play of a stage, by robot and drive.
+_Later = dict[tuple[str, tuple[Session, ...]], tuple[Player, Expected]]
 _DRIVE = "0.15,0,1 0,0.8,1"  # enough to see what it does: the whole drive takes thrice as long
 
 
@@ -80,13 +83,18 @@ def shown_by(
     shown: dict[str, str] = {}
     for robot, wanted in each.items():
         watched = watched_body(wanted, robot, scene, lab)
+        driven = robot_of_kind(scene, lab.platform, wanted)
         drive = drive_of(_DRIVE, wanted.limits)
-        known = later.get(robot)
+        if driven is not None:
+            drive = drive_for(driven, scene.meters_per_unit)
+        known = later.get((robot, drive))
         player = held_play(scene, watched, *known, lab.platform) if known is not None else None
         if player is None:
             player = played(scene, lab.platform, drive, watched)
-            later[robot] = player, watched
-        for name, text in _shown(trial_of(player, drive, watched), scene).items():
+            later[robot, drive] = player, watched
+        for name, text in _shown(
+            as_of_kind(trial_of(player, drive, watched), driven), scene
+        ).items():
             shown.setdefault(name, text)
             if robot and not name.startswith("/"):
                 shown[f"{robot}: {name}"] = text
@@ -105,8 +113,10 @@ def _shown(trial: Trial, scene: Scene) -> dict[str, str]:
         return not scene.missing or trial.causes is None or not trial.causes.doubt(check, fault)
 
     shown: dict[str, str] = {}
-    for name in (name for name in CHECKS if is_asked(name, trial)):
-        faults = [fault for fault in CHECKS[name](trial) if is_sure(name, fault)]
+    for name, check in checks_of(trial).items():
+        if not is_asked(name, trial):
+            continue
+        faults = [fault for fault in check(trial) if is_sure(name, fault)]
         if faults and not (name == "scan" and trial.recording.assumed):
             shown |= {fault.kind: _text(fault) for fault in faults}
             shown[name] = "; ".join(map(_text, faults))

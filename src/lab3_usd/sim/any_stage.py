@@ -5,7 +5,7 @@ Nothing of a lab is asked. Each robot is driven by its own commands, in a play o
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -31,6 +31,7 @@ from lab3_usd.sim.execution.world import standing_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.checks import graphs, verdict
 from lab3_usd.sim.judge.expectations import (
+    CheckFunction,
     Expected,
     RunFault,
     Trial,
@@ -79,8 +80,6 @@ _PASSING: tuple[FaultKind, ...] = (
 
 # Checks of a robot that drives over ground, which are judged with Z up only.
 OVER_GROUND = ("rest", "follows", "odometry", "moving frames", "mounted", "scan", "again")
-
-CheckFunction = Callable[[Trial], Iterator[RunFault]]
 
 
 class Played(Struct, frozen=True):
@@ -133,7 +132,7 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
             of_robots += [replace(check, of=of) for check in found]
         if number:
             play.recording.forget_messages()
-    checks = [*_stage_checks(plays[0], robots)]
+    checks = [*_stage_checks(plays[0], known)]
     if any(rival(robot, known) for robot in robots):
         checks.append(verdict("commands", list(commanded_once(known)), plays[0]))
     checks += of_robots

@@ -27,7 +27,7 @@ from lab3_usd.model.dry_run import (
 )
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.sim.any_stage import Played, commanded_joints, play_any
-from lab3_usd.sim.commands import domain_of
+from lab3_usd.sim.commands import as_of_kind, domain_of
 from lab3_usd.sim.execution.drive import RATE, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.checks import OF_STAGE, judge, whole_verdict
@@ -37,7 +37,7 @@ from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.judge.topics import expected_at, expected_of_each
 from lab3_usd.sim.replay import replay
-from lab3_usd.sim.robots import Robot, expected_of, labels
+from lab3_usd.sim.robots import TWIST, Robot, drive_for, expected_of, labels, robot_of_kind
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.scene import is_within
@@ -349,8 +349,12 @@ def dry_run(
     plays = {}
     for name, wanted in asked.items():
         stays = wanted.goes_with_environment
+        robot = robot_of_kind(scene, platform, wanted)
         sessions = tuple(s for s in drives[name] if not (stays and s.environment))
-        plays[name] = record(scene, platform, sessions, watched_body(wanted, name, scene, lab))
+        if robot is not None and (drive is None or robot.kind != TWIST):
+            sessions = drive_for(robot, scene.meters_per_unit)
+        watched = watched_body(wanted, name, scene, lab)
+        plays[name] = as_of_kind(record(scene, platform, sessions, watched), robot)
         is_localized = lab.checkpoints[checkpoint].localization
         if is_localized and (not name or wanted.root == lab.frames.root):
             _lay_on_map(plays[name], path, maps, lab)

@@ -10,6 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, TRANSFORMS, Reach, joint_drive, reach_of
@@ -183,6 +184,30 @@ def listening_robots(
     for _ in range(LOOKED_AT):
         player.step()
     return list(_listening(player))
+
+
+def robot_of_kind(scene: Scene, platform: Platform, wanted: Expected) -> Robot | None:
+    """Return the robot of these commands if it is a car or goes on rollers, else None.
+
+    Only what its controllers ask for tells: nothing is played where no node has such an input.
+    """
+    types = {node.type for graph in scene.graphs for node in graph.nodes}
+    known = [kind for kind in map(platform.get, types) if kind is not None]
+    if not any(
+        kind.port(INPUT + name) is not None for kind in known for name in (ROLLERS, WHEEL_BASE)
+    ):
+        return None
+    return next(
+        (
+            robot
+            for robot in listening_robots(scene, platform)
+            if robot.commands.topic == wanted.commands
+            and robot.commands.domain == wanted.domain
+            and robot.machine is not None
+            and (robot.has_rollers or robot.wheel_base)
+        ),
+        None,
+    )
 
 
 def _listening(player: Player) -> Iterator[Robot]:

@@ -22,10 +22,14 @@ from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.decoder import is_read
 from lab3_usd.sim.bag.judge import (
     GAP,
+    HELD,
     NO_CONTENT,
+    STEERED,
     STUCK,
     Recorded,
+    follows_side,
     judged_topics,
+    leg_of_any_base,
     legs,
     odometry,
     path,
@@ -37,21 +41,18 @@ from lab3_usd.sim.bag.judge import (
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, Offered, layout_at, opened
 from lab3_usd.sim.dry_run import DryRun, driven_legs, path_rows
-from lab3_usd.sim.execution.drive import RATE, Leg, Session
+from lab3_usd.sim.execution.drive import RATE, Session
 from lab3_usd.sim.execution.recording import JointStates, Odometry, Recording, Scan
 from lab3_usd.sim.judge.checks import verdict as verdict_of
 from lab3_usd.sim.judge.checks import whole_verdict
 from lab3_usd.sim.judge.expectations import PHYSICAL, Expected, RunFault, Trial
-from lab3_usd.sim.judge.motion import follows, moving_frames, rest
+from lab3_usd.sim.judge.motion import moving_frames, rest
 from lab3_usd.sim.robots import NO_LIMITS, ODOMETRY, STEERING, TWIST, expected_of
 from lab3_usd.sim.streams import CLOCK, TRANSFORMS
 
 SCAN = "sensor_msgs/msg/LaserScan"
 SLOW = 5.0  # times the usual pause of a transform, from which on it is missing
-HELD = 1.0  # seconds of a command to joints, from which on it is judged
 NEAR = (0.05, 0.1)  # radians or metres, and part of the way, by which a joint may miss it
-STEERED = "steered"  # a leg in which a car is to turn
-_UP_TO_THE_ROBOT = {"turn-off-centre"}  # about which point it turns
 
 Kinds = Mapping[tuple[str, str], tuple[Offered, ...]]
 
@@ -241,7 +242,7 @@ def _behaviour(
         wanted = replace(wanted, root=told.frame, base=told.data.child)
     is_steered = (robot.commands, STEERING) in gathered.tallies
     drive = tuple(
-        _any_leg(leg, is_steered=is_steered)
+        leg_of_any_base(leg, is_steered=is_steered)
         for leg in legs(gathered.commands, gathered.seconds, NO_LIMITS)
     )
     recording.path = list(path(gathered.places, drive))
@@ -283,13 +284,6 @@ def _add_wheels(recording: Recording, robot: RecordedRobot) -> None:
         )
         for pose in recording.path
     ]
-
-
-def _any_leg(leg: Leg, *, is_steered: bool) -> Leg:
-    """Return a leg of any robot: one that is commanded sideways may go there."""
-    if is_steered and leg.turn:
-        return replace(leg, name=STEERED if leg.seconds >= HELD else "varied")
-    return replace(leg, name="varied") if leg.name == "sideways" else leg
 
 
 def _remarks(gathered: Gathered, robot: RecordedRobot) -> Iterator[str]:
@@ -361,24 +355,6 @@ def frames(gathered: Gathered) -> Iterator[RunFault]:
         if (parent, child) not in static and link.gap > max(GAP, SLOW * usual):
             yield RunFault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "transform-gap")
             return
-
-
-def follows_side(trial: Trial) -> Iterator[RunFault]:
-    """It goes ahead and back as commanded, and turns to the side that it is commanded to.
-
-    How far it turns is up to its wheels: those of a skid steer slide.
-    """
-    turns = [s for s in trial.stretches("left", "right", "arc", STEERED) if s.leg.turn]
-    is_to_its_side = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
-    for stretch in turns:
-        if stretch.leg.name == STEERED and stretch.turned * stretch.leg.turn <= 0:
-            text = f"steered to turn to the {'left' if stretch.leg.turn > 0 else 'right'}, turned"
-            yield RunFault(f"{text} {math.degrees(stretch.turned):+.0f} degrees", "wrong-arc")
-            break
-    for fault in follows(trial):
-        by_turning = fault.kind in {"wrong-turn", "wrong-arc"}
-        if fault.kind not in _UP_TO_THE_ROBOT and not (by_turning and is_to_its_side):
-            yield fault
 
 
 def returns(trial: Trial) -> Iterator[RunFault]:

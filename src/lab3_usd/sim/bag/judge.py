@@ -36,6 +36,7 @@ from lab3_usd.sim.judge.expectations import (
     is_about,
 )
 from lab3_usd.sim.judge.localization import fit
+from lab3_usd.sim.judge.motion import follows
 from lab3_usd.sim.judge.sensors import SHORT
 from lab3_usd.sim.judge.topics import (
     expected_at,
@@ -227,6 +228,9 @@ CHECKS: dict[str, CheckFunction] = {
 _LONG = 1.0  # seconds of one command, from which on it is judged
 _SAME = 1e-3  # m/s and rad/s between commands
 _VARIED = "varied"
+HELD = 1.0  # seconds of a command to joints, from which on it is judged
+STEERED = "steered"  # a leg in which a car is to turn
+_UP_TO_THE_ROBOT = {"turn-off-centre"}  # about which point it turns
 _Command = tuple[float, float, float]  # forward, to the left, turning
 
 _TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
@@ -363,10 +367,15 @@ def _of(robot: str, text: str) -> str:
 def _recorded(gathered: Gathered, topics: Topics, lab: Lab, checkpoint: str) -> Recorded:
     """Return what was recorded of a robot, as its drive."""
     gathered.recording.seconds = gathered.timeline.now
-    drive = legs(gathered.commands, gathered.seconds, topics.wanted.limits)
+    wanted = topics.wanted
+    drive = legs(gathered.commands, gathered.seconds, wanted.limits)
+    if wanted.is_car or wanted.has_rollers:
+        drive = tuple(leg_of_any_base(leg, is_steered=wanted.is_car) for leg in drive)
     gathered.recording.path = list(path(gathered.places, drive))
     sessions = (Session(drive),)
-    trial = Trial(gathered.recording, sessions, topics.wanted, start=HERE, tolerance=PHYSICAL)
+    trial = Trial(gathered.recording, sessions, wanted, start=HERE, tolerance=PHYSICAL)
+    if wanted.is_car or wanted.has_rollers:
+        trial.own_checks = {"follows": follows_side}
     if gathered.located:
         trial.map, trial.map_fault = gathered.map, gathered.map_fault
         trial.located = (gathered.located,)
@@ -401,7 +410,7 @@ def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
         looked = False
         if name in SHARED and name not in left_out and name != "odometry":  # of the motion itself
             looked = True
-            faults += SHARED[name](recorded.trial)
+            faults += recorded.trial.own_checks.get(name, SHARED[name])(recorded.trial)
         if name in CHECKS and name not in left_out:
             looked = True
             faults += CHECKS[name](recorded)
@@ -471,6 +480,31 @@ def _leg(command: _Command | None, seconds: float, limits: tuple[float, float]) 
         return Leg(_VARIED, seconds, command)
     aside = command[1] and not command[0] and not command[2]
     return Leg("sideways" if aside else leg_name(command[0], command[2], limits), seconds, command)
+
+
+def leg_of_any_base(leg: Leg, *, is_steered: bool) -> Leg:
+    """Return a leg of any robot: one that is commanded sideways may go there."""
+    if is_steered and leg.turn:
+        return replace(leg, name=STEERED if leg.seconds >= HELD else "varied")
+    return replace(leg, name="varied") if leg.name == "sideways" else leg
+
+
+def follows_side(trial: Trial) -> Iterator[RunFault]:
+    """It goes ahead and back as commanded, and turns to the side that it is commanded to.
+
+    How far it turns is up to its wheels: those of a skid steer slide.
+    """
+    turns = [s for s in trial.stretches("left", "right", "arc", STEERED) if s.leg.turn]
+    is_to_its_side = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
+    for stretch in turns:
+        if stretch.leg.name == STEERED and stretch.turned * stretch.leg.turn <= 0:
+            text = f"steered to turn to the {'left' if stretch.leg.turn > 0 else 'right'}, turned"
+            yield RunFault(f"{text} {math.degrees(stretch.turned):+.0f} degrees", "wrong-arc")
+            break
+    for fault in follows(trial):
+        by_turning = fault.kind in {"wrong-turn", "wrong-arc"}
+        if fault.kind not in _UP_TO_THE_ROBOT and not (by_turning and is_to_its_side):
+            yield fault
 
 
 def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterator[Pose]:

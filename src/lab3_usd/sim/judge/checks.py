@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 from lab3_usd.model.dry_run import Check, Verdict
-from lab3_usd.sim.judge.expectations import RunFault, Trial
+from lab3_usd.sim.judge.expectations import CheckFunction, RunFault, Trial
 from lab3_usd.sim.judge.localization import on_map
 from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
 from lab3_usd.sim.judge.sensors import camera, mounted, scan
@@ -19,7 +19,7 @@ def graphs(trial: Trial) -> Iterator[RunFault]:
         yield RunFault(f"{cause.prim}: {cause.reason}", cause.kind or "unknown-port", cause.prim)
 
 
-CHECKS: dict[str, Callable[[Trial], Iterator[RunFault]]] = {
+CHECKS: dict[str, CheckFunction] = {
     "graphs": graphs,
     "topics": topics,
     "rest": rest,
@@ -47,7 +47,12 @@ def judge(trial: Trial) -> list[Check]:
 
     What may come from something that is not simulated is no fault.
     """
-    return [verdict(name, list(check(trial)), trial) for name, check in CHECKS.items()]
+    return [verdict(name, list(check(trial)), trial) for name, check in checks_of(trial).items()]
+
+
+def checks_of(trial: Trial) -> Mapping[str, CheckFunction]:
+    """Return the checks by which a robot is judged, by name."""
+    return {**CHECKS, **trial.own_checks} if trial.own_checks else CHECKS
 
 
 # What a stage shows as a whole, whichever robot is driven.

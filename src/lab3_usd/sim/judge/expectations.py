@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from typing import Any, NamedTuple, Protocol
 
@@ -72,6 +72,8 @@ class Expected(Struct, frozen=True):
     frames: tuple[str, ...] = ()  # that the tree is to have below its root
     roots: tuple[str, ...] = ()  # of all trees, where there are several
     joint_commands: str = ""  # the topic by which joints are commanded
+    is_car: bool = False  # whether the lab has a controller that steers
+    has_rollers: bool = False  # whether the lab has a controller of wheels with rollers
     wheel_radius: float = 0.0  # that the lab asks of controllers, metres
     centre: tuple[float, float] = (0.0, 0.0)  # of its turns, in the frame of the base, metres
     profile: dict[str, Any] = {}  # of a lidar whose own cannot be read
@@ -178,6 +180,8 @@ class Trial(Struct):
     located: tuple[Sequence[tuple[float, Affine]], ...] = ()
     fit: MapFit | None = None  # of its scans on the map
     scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as commanded
+    # The checks that a robot of its kind has in place of those of two driven wheels, by name.
+    own_checks: Mapping[str, CheckFunction] = {}
 
     @property
     def room(self) -> tuple[Segment, ...]:
@@ -229,6 +233,9 @@ class Trial(Struct):
         ways = [displacement(first, pose) for pose in poses[::SOON]]
         near, turned = self.tolerance.still
         return all(math.hypot(x, y) < near and abs(turn) < turned for x, y, turn in ways)
+
+
+CheckFunction = Callable[[Trial], Iterator[RunFault]]
 
 
 def displacement(before: Pose, after: Pose) -> tuple[float, float, float]:

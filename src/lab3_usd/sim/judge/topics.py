@@ -30,7 +30,8 @@ _PARTS = {
     "image": "sensor_msgs/msg/Image",
     "info": "sensor_msgs/msg/CameraInfo",
 }
-_COMMANDS, _JOINTS = "geometry_msgs/msg/Twist", "sensor_msgs/msg/JointState"
+_COMMANDS = ("geometry_msgs/msg/Twist", "ackermann_msgs/msg/AckermannDriveStamped")
+_JOINTS = "sensor_msgs/msg/JointState"
 _MAP = "nav_msgs/msg/OccupancyGrid"
 _KEPT = "transient_local"
 _LIMITS = ("maxLinearSpeed", "maxAngularSpeed")
@@ -68,7 +69,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
     return Expected(
         types={topic.name: topic.type for topic in required if not topic.subscribed},
         domain=lab.ros.system.domain,
-        commands=_named(required, _COMMANDS),
+        commands=next(filter(None, (_named(required, kind) for kind in _COMMANDS)), ""),
         joint_commands=_named([topic for topic in required if topic.subscribed], _JOINTS),
         **names,
         root=(root if robot is not None or not lab.scene.robots[1:] else "") or lab.frames.root,
@@ -81,6 +82,8 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         turn_rate=_rate(lidar, lidar_names.turns),
         frames=tuple(child for _, child in lab.frames.edges) if checkpoint.frames else (),
         roots=lab.frames.roots if len(lab.scene.robots) > 1 else (),
+        is_car=_has_controller(lab, robot, "wheelBase"),
+        has_rollers=_has_controller(lab, robot, "mecanumAngles"),
         wheel_radius=_drive_settings(lab, robot, _RADIUS)[0],
         centre=driven.wheels.centre,
         profile={name: attribute.value for name, attribute in lidar.attributes.items()}
@@ -120,9 +123,26 @@ def _robots_of(lab: Lab, graph: GraphSpec, role: str) -> set[str]:
     for _ in graph.nodes:
         before |= {wire.source.role for wire in graph.wires if wire.target.role in before}
         after |= {wire.target.role for wire in graph.wires if wire.source.role in after}
-    targets = (target for name in before | after for target in graph.nodes[name].targets)
-    robots = (lab.scene.robot_of(prim) for target in targets for prim in target.prims)
+    prims = [
+        prim
+        for name in before | after
+        for target in graph.nodes[name].targets
+        for prim in target.prims
+    ]
+    prims += [path for name in after for path in _named_robots(graph, graph.nodes[name])]
+    robots = map(lab.scene.robot_of, prims)
     return {robot.path for robot in robots if robot is not None}
+
+
+def _named_robots(graph: GraphSpec, node: NodeSpec) -> Iterator[str]:
+    """Yield the paths of robots that a node is given as text, by itself or over a wire."""
+    drives = node.type.drives
+    if drives is None:
+        return
+    sources = [wire.source.role for wire in graph.wires if wire.target.role == node.role]
+    settings = [s for s in node.settings if s.port == drives.path]
+    settings += [s for role in sources for s in graph.nodes[role].settings]
+    yield from (str(s.value) for s in settings if str(s.value).startswith("/"))
 
 
 def _is_of(robot: RobotSpec | None, lab: Lab, graph: GraphSpec, role: str) -> bool:
@@ -253,7 +273,18 @@ def _drive_settings(lab: Lab, robot: RobotSpec | None, *names: str) -> tuple[flo
                     unit = _unit_of(lab, graph, node) if name in _LENGTHS else 1.0
                     settings[name] = setting.value, unit
     values = (settings.get(name, (0.0, 1.0)) for name in names)
-    return tuple(float(value) * unit for value, unit in values)
+    # A controller of wheels with rollers has a list of radii.
+    known = ((value if isinstance(value, (int, float)) else 0.0, unit) for value, unit in values)
+    return tuple(float(value) * unit for value, unit in known)
+
+
+def _has_controller(lab: Lab, robot: RobotSpec | None, name: str) -> bool:
+    """Whether the lab asks for a node of a robot whose type has this input."""
+    return any(
+        node.type.port(f"{INPUT}{name}") is not None and _is_of(robot, lab, graph, node.role)
+        for graph in lab.graphs.values()
+        for node in graph.nodes.values()
+    )
 
 
 def _unit_of(lab: Lab, graph: GraphSpec, node: NodeSpec) -> float:
