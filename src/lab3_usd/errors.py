@@ -20,6 +20,10 @@ class SpecError(Lab3Error):
     """A file in `graphs/` is wrong; the line names file, graph, role and port."""
 
 
+class GraphError(Lab3Error):
+    """A node, value or wire of a graph is one that Isaac Sim does not have."""
+
+
 class StageError(Lab3Error):
     """A stage file cannot be opened, read or written; damaged text has a line and a column.
 

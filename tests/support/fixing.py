@@ -28,11 +28,12 @@ from lab3_usd.check.match.graphs import match_all
 from lab3_usd.fix import repairing
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_stage
 from lab3_usd.fix.source_tree import ROOT, read_blocks
+from lab3_usd.isaac.graph import PortRef
 from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.model.stage import StageModel
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.sim.judge.topics import expected_at
-from lab3_usd.spec.graph import GraphSpec, PortRef, Wire
+from lab3_usd.spec.graph import GraphSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.reader import read_model

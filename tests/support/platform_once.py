@@ -24,7 +24,7 @@ def platform_assembled_once() -> Iterator[None]:
 
 def _assembled(folder: Path) -> Platform:
     digest = hashlib.sha256()
-    for path in sorted(folder.iterdir()):
+    for path in sorted(path for path in folder.rglob("*") if path.is_file()):
         digest.update(path.name.encode() + b"\0")
         digest.update(hashlib.sha256(path.read_bytes()).digest())
     key = (folder.name, digest.digest())

@@ -10,11 +10,12 @@ from msgspec.structs import replace
 from lab3_usd.check.match.conformance import source_path
 from lab3_usd.check.match.rule_inputs import GraphSubject
 from lab3_usd.facts.wires import connection
+from lab3_usd.isaac.graph import PortRef
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Finding, node_title
 from lab3_usd.model.stage import Node, same_value
-from lab3_usd.spec.graph import GraphSpec, PortRef, Setting, Wire
+from lab3_usd.spec.graph import GraphSpec, Setting, Wire
 
 _THE_NODE = "the node"
 _HARMLESS = "; the robot may drive all the same"

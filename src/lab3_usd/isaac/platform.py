@@ -23,6 +23,7 @@ from lab3_usd.isaac.behaviour import (
 from lab3_usd.isaac.graph_form import GraphForm
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import NodeType, Port
+from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.isaac.releases import BASE, Release, changed, order
 from lab3_usd.isaac.sensor_models import SensorModels
 
@@ -64,7 +65,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     `world_frame` hangs what has no parent prim. `writers` change the scene or the run; what begins
     with one of `appearance` is a property that only changes what one sees. `placed` are types of
     prims whose place matters beside those of bodies, `attributes` those that are read beside the
-    usual ones.
+    usual ones. `recipes` are graphs that can be added to a stage, by kind.
     """
 
     release: str
@@ -99,6 +100,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     application_prims: tuple[str, ...]
     placed: frozenset[str] = frozenset()
     attributes: frozenset[str] = frozenset()
+    recipes: Mapping[str, Recipe] = {}
 
     def type_name(self, written: str) -> str:
         """Return the name of the type that a file's `node:type` means, whichever release wrote it.

@@ -8,7 +8,9 @@ from functools import cached_property
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.isaac.graph_form import VARIABLE
+from lab3_usd.isaac.graph import Graph, Node
+from lab3_usd.isaac.graph import Variable as GraphVariable
+from lab3_usd.isaac.graph import Wire as Connection
 from lab3_usd.isaac.node_types import NodeType, Port
 from lab3_usd.isaac.values import Value
 
@@ -33,18 +35,10 @@ class Target(Struct, frozen=True):
     handout_prims: tuple[str, ...] = ()
 
 
-class Variable(Struct, frozen=True):
-    """A variable of a graph: its USD type and the value with which it starts."""
+class Variable(GraphVariable, frozen=True):
+    """A variable that the handout asks for."""
 
-    name: str
-    usd_type: str
-    value: Value
     handout: str
-
-    @property
-    def attribute(self) -> str:
-        """The attribute of the graph that holds it."""
-        return f"{VARIABLE}{self.name}"
 
 
 class EarlierValues(Struct, frozen=True):
@@ -75,6 +69,13 @@ class NodeSpec(Struct, frozen=True):
     since: str = ""
     until: Mapping[str, EarlierValues] = {}
 
+    @property
+    def node(self) -> Node:
+        """The node itself, apart from what the handout demands of it."""
+        values = {setting.port: setting.value for setting in self.settings}
+        targets = {target.port: target.prims for target in self.targets}
+        return Node(self.role, self.type, values, targets, self.grown, self.at)
+
     def with_values(self, earlier: EarlierValues) -> NodeSpec:
         """Return the node with other values of some of its inputs."""
         changed = {setting.port for setting in earlier.settings}
@@ -88,28 +89,10 @@ class NodeSpec(Struct, frozen=True):
         )
 
 
-class PortRef(Struct, frozen=True):
-    """A port of a role; `port` is the full name in a file (`inputs:execIn`)."""
+class Wire(Connection, frozen=True):
+    """A wire that the handout asks for."""
 
-    role: str
-    port: str
-
-    @property
-    def short(self) -> str:
-        """`role.port` as the specs write it."""
-        return f"{self.role}.{self.port.partition(':')[2]}"
-
-
-class Wire(Struct, frozen=True):
-    """A connection from a source port to the input that it feeds."""
-
-    source: PortRef
-    target: PortRef
     handout: str
-
-    def __str__(self) -> str:
-        """Write the wire as the specs do."""
-        return f"{self.source.short} -> {self.target.short}"
 
 
 class GraphSpec(Struct, frozen=True, dict=True):
@@ -123,6 +106,12 @@ class GraphSpec(Struct, frozen=True, dict=True):
     optional_wires: tuple[Wire, ...] = ()
     forbidden_wires: tuple[Wire, ...] = ()
     variables: tuple[Variable, ...] = ()
+
+    @property
+    def graph(self) -> Graph:
+        """The graph itself, apart from what the handout demands of it."""
+        nodes = {role: spec.node for role, spec in self.nodes.items()}
+        return Graph(self.path, nodes, self.wires, self.variables)
 
     @cached_property
     def telling_types(self) -> frozenset[str]:

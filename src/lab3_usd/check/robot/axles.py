@@ -6,11 +6,6 @@ stage that was saved after a run has the robot, and all of its bodies, wherever 
 
 from __future__ import annotations
 
-import math
-from typing import Any
-
-from msgspec import Struct
-
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.wheels import (
     WheelJoint,
@@ -19,10 +14,9 @@ from lab3_usd.check.robot.wheels import (
     tied_joints,
     wheel_side,
 )
-from lab3_usd.isaac.values import Value
+from lab3_usd.facts.wheels import ALONG, joint_axis, joint_turn
 from lab3_usd.model.physics import (
     AXIS,
-    BODIES,
     COLLISION_API,
     FIXED,
     USUAL_AXIS,
@@ -30,11 +24,10 @@ from lab3_usd.model.physics import (
     collides,
     is_joint_type,
     joints,
-    numbers,
     vector,
 )
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
-from lab3_usd.model.stage import StageModel, once_per_stage
+from lab3_usd.model.stage import once_per_stage
 from lab3_usd.model.transforms import (
     AXES,
     IDENTITY,
@@ -50,11 +43,8 @@ from lab3_usd.model.transforms import (
     transform_point,
 )
 
-_ALONG: dict[Any, Vector] = dict(zip("XYZ", AXES, strict=True))
 _SHAPE_AXIS = "axis"
 _ROLLING = ("Cylinder", "Capsule")  # which roll about their own axis
-_SQUARE = 0.999  # how far along an axis an axis must point
-_ALIKE = 0.02
 _FRAMES = tuple(f"physics:local{part}{side}" for part in ("Pos", "Rot") for side in (0, 1))
 
 
@@ -82,16 +72,6 @@ def _axle(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
     return None if local is None else rotate_vector(local, decompose(frame).rotation)
 
 
-def joint_axis(joint: Prim, side: int) -> Vector | None:
-    """Return about what a positive velocity turns the other body, in the axes of this side's."""
-    along = _ALONG.get(joint.attributes.get(AXIS, USUAL_AXIS))
-    if along is None:
-        return None
-    turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
-    # A joint turns its second body against its first.
-    return scaled(rotate_by_quaternion(along, turn), 1.0 if side == 0 else -1.0)
-
-
 def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] | None:
     """Return about what a joint turns its wheel and the axle of the wheel's own shape.
 
@@ -102,17 +82,17 @@ def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] 
     if joint.prim is None or wheel is None or wheel.world is None:
         return None
     values = joint.prim.attributes
-    along = _ALONG.get(values.get(AXIS, USUAL_AXIS))
+    along = ALONG.get(values.get(AXIS, USUAL_AXIS))
     if along is None:
         return None
-    turned = rotate_by_quaternion(along, _quaternion(values.get(f"physics:localRot{side}")))
+    turned = rotate_by_quaternion(along, joint_turn(values.get(f"physics:localRot{side}")))
     limit = subject.lab.scene.tolerance.axle_angle
     found = None
     for shape in subject.stage.with_api(COLLISION_API):
         if shape.type not in _ROLLING or not is_at_or_below(shape.path, joint.link):
             continue
         seen = None if shape.world is None else relative_transform(shape.world, wheel.world)
-        axis = _ALONG.get(shape.attributes.get(_SHAPE_AXIS, "Z"))
+        axis = ALONG.get(shape.attributes.get(_SHAPE_AXIS, "Z"))
         if not collides(shape) or seen is None or axis is None:
             continue
         own = rotate_vector(axis, decompose(seen).rotation)
@@ -120,52 +100,6 @@ def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] 
             return None
         found = turned, own
     return found
-
-
-class Disc(Struct, frozen=True):
-    """The shape of a wheel in the world: its sizes in metres, and the axis it rolls about."""
-
-    radius: float
-    width: float
-    axis: Vector
-
-
-def disc_of(wheel: Prim, stage: StageModel) -> Disc | None:
-    """Return the shape of a wheel, None where nothing tells it.
-
-    A wheel is as high as it is long: two sides of the box around it are alike. A wheel that was
-    saved turned has a larger box, so that none is taken then.
-    """
-    return _disc_at(stage, wheel.path)
-
-
-@once_per_stage
-def _disc_at(stage: StageModel, path: str) -> Disc | None:
-    wheel, boxes = stage.prims[path], list(stage.colliders.below(path))
-    if wheel.world is None or not _is_square(wheel.world) or not boxes:
-        return None
-    sides = [
-        max(box.high[axis] for box in boxes) - min(box.low[axis] for box in boxes)
-        for axis in range(3)
-    ]
-    width, height, length = sorted(sides)
-    if not math.isclose(height, length, rel_tol=_ALIKE) or width >= height:
-        return None
-    return Disc(length / 2, width, AXES[sides.index(width)])
-
-
-def wheel_radius(joint: Prim, stage: StageModel) -> float | None:
-    """Return the radius of the wheel that a joint turns, None where nothing tells it."""
-    paths = joint.relationships.get(BODIES[1], ())
-    wheel = stage.prim(paths[0]) if paths else None
-    disc = None if wheel is None else disc_of(wheel, stage)
-    return None if disc is None else disc.radius
-
-
-def _is_square(world: Matrix) -> bool:
-    """Whether the axes of a prim point along those of the world."""
-    rows = (world[0:3], world[4:7], world[8:11])
-    return all(max(map(abs, row)) > _SQUARE * math.hypot(*row) for row in rows)
 
 
 def anchor(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
@@ -271,13 +205,6 @@ def welds(subject: RobotSubject) -> list[Prim]:
 def _joint_frame(joint: Prim, side: int) -> Matrix:
     """Return where the joint sits on one of its bodies."""
     x, y, z = vector(joint.attributes.get(f"physics:localPos{side}"))
-    turn = _quaternion(joint.attributes.get(f"physics:localRot{side}"))
+    turn = joint_turn(joint.attributes.get(f"physics:localRot{side}"))
     rows = [rotate_by_quaternion(along, turn) for along in AXES] if any(turn[:3]) else AXES
     return (*rows[0], 0.0, *rows[1], 0.0, *rows[2], 0.0, x, y, z, 1.0)
-
-
-def _quaternion(value: Value | None) -> tuple[float, float, float, float]:
-    parts = numbers(value)
-    if len(parts) != 4:  # noqa: PLR2004 - x, y, z, w
-        return (0.0, 0.0, 0.0, 1.0)
-    return (parts[0], parts[1], parts[2], parts[3])

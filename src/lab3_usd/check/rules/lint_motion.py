@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.axles import disc_of, joint_axis
 from lab3_usd.facts.articulations import (
     Command,
     commanded_joints,
@@ -18,6 +17,7 @@ from lab3_usd.facts.feeding import MisnamedPose, misnamed_poses
 from lab3_usd.facts.followed_bodies import followed_bodies
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.quantities import quantity_of
+from lab3_usd.facts.wheels import disc_of, joint_axis
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     AXIS,

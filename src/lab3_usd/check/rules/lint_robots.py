@@ -9,8 +9,6 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.axles import wheel_radius
-from lab3_usd.check.robot.wheel_sizes import anchor, car_sizes, pair_sizes
 from lab3_usd.facts.articulations import (
     Command,
     commands,
@@ -25,6 +23,7 @@ from lab3_usd.facts.articulations import (
 from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.quantities import unit_of
+from lab3_usd.facts.wheels import anchor, car_sizes, pair_sizes, wheel_radius
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number

@@ -17,6 +17,7 @@ from lab3_usd.check.repairs import TYPE, VERSION, edits_at
 from lab3_usd.check.robot.wheels import is_doubtful, second_commanders
 from lab3_usd.facts.endpoints import Endpoint, running_endpoints
 from lab3_usd.facts.execution_order import live_nodes, severity_if_uncertain
+from lab3_usd.isaac.graph import PortRef
 from lab3_usd.model.changes import Activate, AddNode, Edit, RemovePrim
 from lab3_usd.model.finding import Problem, node_title, role_title
 from lab3_usd.model.stage import (
@@ -29,7 +30,7 @@ from lab3_usd.model.stage import (
     StageModel,
     once_per_stage,
 )
-from lab3_usd.spec.graph import NodeSpec, PortRef
+from lab3_usd.spec.graph import NodeSpec
 from lab3_usd.spec.lab import Lab
 
 

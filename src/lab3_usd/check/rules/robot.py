@@ -7,7 +7,6 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.axles import disc_of
 from lab3_usd.check.robot.poses import (
     UNSCALED,
     is_scaled,
@@ -19,6 +18,7 @@ from lab3_usd.check.robot.poses import (
 from lab3_usd.check.robot.wheels import unknown_joints
 from lab3_usd.check.rules.any_physics import link_bodies
 from lab3_usd.check.rules.world import SHAPE, at_rest
+from lab3_usd.facts.wheels import disc_of
 from lab3_usd.model.changes import (
     Activate,
     ApplySchema,

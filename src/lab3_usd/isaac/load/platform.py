@@ -24,6 +24,7 @@ from lab3_usd.isaac.behaviour import (
 )
 from lab3_usd.isaac.load.graph_form import GraphEntry, graph_form
 from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
+from lab3_usd.isaac.load.recipes import load_recipes
 from lab3_usd.isaac.load.sensor_models import sensor_models
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import (
@@ -215,6 +216,7 @@ def assemble_platform(folder: Path) -> Platform:
             read_yaml(folder / APPLICATION), _Application, f"{name}/{APPLICATION}"
         ).prims,
         placed=frozenset(kind for sensor in sensors.values() for kind in sensor.types),
+        recipes=load_recipes(folder, types),
     )
 
 

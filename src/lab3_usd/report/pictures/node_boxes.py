@@ -8,6 +8,7 @@ from functools import cached_property
 from msgspec import Struct, field
 
 from lab3_usd.check.match.rule_inputs import Roles
+from lab3_usd.isaac.graph import PortRef
 from lab3_usd.isaac.node_types import INPUT, NodeType, Port
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import Site
@@ -28,7 +29,7 @@ from lab3_usd.report.picture.model import (
     sized,
     state_word,
 )
-from lab3_usd.spec.graph import GraphSpec, NodeSpec, PortRef
+from lab3_usd.spec.graph import GraphSpec, NodeSpec
 
 
 class SiteFindings(Struct, frozen=True, dict=True):

@@ -32,6 +32,7 @@ _Entry = TypeVar("_Entry")
 
 FILE = "compiled.pickle"
 PLATFORM = "isaac"  # the folder of Isaac Sim's files beside those of the lab
+RECIPES = "recipes"  # the folder of graphs to add beside those files
 _NUMBER = 4  # bytes of the checksum, and of the length of the first part
 _PLATFORM, _TYPE, _PATH = "platform", "type", "path"
 
@@ -120,6 +121,7 @@ def _parts(lab: Lab) -> _Parts:
         types=types,
         base=types,
         releases=pack(lab.platform.releases),
+        recipes=pack(lab.platform.recipes),
         sensor_models=replace(models, schemas=pack(models.schemas)),
     )
     written = io.BytesIO()
@@ -186,7 +188,9 @@ def _joined(checksum: int, parts: _Parts) -> bytes:
 def _checksum(folder: Path) -> int:
     """Return what tells these files, and the code that reads them, from all others."""
     own, system = _files(folder, ".yaml"), _files(folder / PLATFORM, ".yaml", ".json")
-    return _sum((*own, *system), _code_checksum(PACKAGE))
+    recipes = folder / PLATFORM / RECIPES
+    recipe_files = _files(recipes, ".yaml") if recipes.is_dir() else []
+    return _sum((*own, *system, *recipe_files), _code_checksum(PACKAGE))
 
 
 @lru_cache(maxsize=1)

@@ -5,20 +5,32 @@ from __future__ import annotations
 import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import SpecError
-from lab3_usd.isaac.node_types import INPUT, NodeType, Port, can_connect
+from lab3_usd.errors import GraphError, SpecError
+from lab3_usd.isaac.graph import (
+    CORNER,
+    checked_added,
+    checked_path,
+    checked_role,
+    checked_targets,
+    checked_value,
+    input_of,
+    make_wire,
+    placed,
+    refuse_second_sources,
+)
+from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import is_known_type, typed_value
 from lab3_usd.spec.graph import (
     EarlierValues,
     GraphSpec,
     NodeSpec,
-    PortRef,
     Setting,
     Target,
     Variable,
@@ -27,8 +39,6 @@ from lab3_usd.spec.graph import (
 from lab3_usd.yaml_file import record
 
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
-_ROLE = re.compile(r"^[A-Za-z_]\w*$")
-_PATH = re.compile(r"^(/[A-Za-z_]\w*)+$")
 # By the section of the handout, or all in that of the node or the graph.
 _BySection = dict[str, tuple[str, ...]] | tuple[str, ...]
 _Targets = dict[str, tuple[str, ...]]
@@ -101,6 +111,15 @@ class GraphFile(Struct, forbid_unknown_fields=True):
     variables: dict[str, VariableEntry] = {}
 
 
+@contextmanager
+def _at(where: str) -> Iterator[None]:
+    """Say where in the files a graph is wrong."""
+    try:
+        yield
+    except GraphError as error:
+        raise SpecError(f"{where}: {error}") from error
+
+
 def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> GraphSpec:
     """Build one graph spec.
 
@@ -111,19 +130,21 @@ def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> Graph
     where = f"{file}: {content.graph}"
     section = content.handout
     nodes = {
-        _role(role, where): _node(role, entry, platform, where, section)
-        for role, entry in content.nodes.items()
+        role: _node(role, entry, platform, where, section) for role, entry in content.nodes.items()
     }
     wires = _wires(content.wires, nodes, where, section)
-    _check_sources(wires, where)
-    places = _places(nodes, wires)
+    with _at(where):
+        refuse_second_sources(wires)
+    with _at(f"{where}: path"):
+        path = checked_path(content.path)
+    places = placed(nodes, wires)
     nodes = {
         role: replace(node, at=content.nodes[role].at or places[role])
         for role, node in nodes.items()
     }
     return GraphSpec(
         name=content.graph,
-        path=_path(content.path, f"{where}: path"),
+        path=path,
         handout=content.handout,
         nodes=nodes,
         wires=wires,
@@ -136,7 +157,8 @@ def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> Graph
 
 
 def _variable(name: str, entry: VariableEntry, graph: str, section: str) -> Variable:
-    where = f"{graph}: variables: {_role(name, graph)}"
+    with _at(graph):
+        where = f"{graph}: variables: {checked_role(name)}"
     if not is_known_type(entry.type):
         raise SpecError(f"{where}: '{entry.type}' is not the USD type of a value")
     value = typed_value(entry.value, entry.type, where)
@@ -157,70 +179,36 @@ def _flat(values: Mapping[str, Any], section: str) -> Iterator[tuple[str, str, A
             yield section, name, value
 
 
-def _role(role: str, where: str) -> str:
-    if not _ROLE.match(role):
-        raise SpecError(f"{where}: '{role}' cannot be the name of a prim")
-    return role
-
-
-_CORNER, _STEP = (50.0, 50.0), (350.0, 150.0)  # of the graph editor's canvas, in its units
-
-
-def _places(
-    nodes: Mapping[str, NodeSpec], wires: tuple[Wire, ...]
-) -> dict[str, tuple[float, float]]:
-    """Return a place for each node: a column for each step from those that nothing is wired into.
-
-    A ring of wires ends where it would begin anew.
-    """
-    columns = dict.fromkeys(nodes, 0)
-    for _ in nodes:
-        for wire in wires:
-            source, target = columns[wire.source.role], wire.target.role
-            columns[target] = min(max(columns[target], source + 1), len(nodes) - 1)
-    rows: Counter[int] = Counter()
-    places = {}
-    for role, column in columns.items():
-        places[role] = (_CORNER[0] + column * _STEP[0], _CORNER[1] + rows[column] * _STEP[1])
-        rows[column] += 1
-    return places
-
-
-def _check_sources(wires: tuple[Wire, ...], where: str) -> None:
-    """Refuse a second wire into one input: the lab has one source for each."""
-    fed: dict[PortRef, Wire] = {}
-    for wire in wires:
-        if wire.target in fed:
-            raise SpecError(
-                f"{where}: wire '{wire}': '{fed[wire.target]}' ends at that input already"
-            )
-        fed[wire.target] = wire
-
-
-def _path(path: str, where: str) -> str:
-    if not _PATH.match(path):
-        raise SpecError(f"{where}: {path!r} is not the absolute path of a prim")
-    return path
-
-
 def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: str) -> NodeSpec:
     section = entry.handout or section
-    where = f"{graph}: {role}"
-    node_type = platform.types.get(entry.type)
-    if node_type is None:
-        raise SpecError(f"{where}: '{entry.type}' is not a node type")
-    ports = {short: _input(node_type, short, where) for short in entry.named_ports()}
-    _check_uses(entry, ports, node_type, where)
-    settings = tuple(_settings(entry.set, ports, where, section))
-    targets = tuple(_targets(entry.targets, ports, where, section))
-    ports_set = [*(setting.port for setting in settings), *(target.port for target in targets)]
-    for port, count in Counter(ports_set).items():
-        if count > 1:
-            raise SpecError(f"{where}: {port} is set twice")
+    with _at(graph):
+        checked_role(role)
+    with _at(f"{graph}: {role}"):
+        node_type = platform.types.get(entry.type)
+        if node_type is None:
+            raise GraphError(f"'{entry.type}' is not a node type")
+        ports = {short: input_of(node_type, short) for short in entry.named_ports()}
+        added = checked_added(node_type, entry.ports)
+        for short in entry.frames_from:
+            if not ports[short].is_target:
+                raise GraphError(f"{ports[short].name}: is not a relationship, it gives no frames")
+        settings = tuple(_settings(entry.set, ports, section))
+        targets = tuple(_targets(entry.targets, ports, section))
+        ports_set = [*(setting.port for setting in settings), *(target.port for target in targets)]
+        for port, count in Counter(ports_set).items():
+            if count > 1:
+                raise GraphError(f"{port} is set twice")
+        until = {
+            checkpoint: EarlierValues(
+                tuple(_settings(earlier.set, ports, section)),
+                tuple(_targets(earlier.targets, ports, section)),
+            )
+            for checkpoint, earlier in entry.until.items()
+        }
     return NodeSpec(
         role=role,
         type=node_type,
-        at=entry.at or _CORNER,
+        at=entry.at or CORNER,
         handout=section,
         settings=settings,
         targets=targets,
@@ -229,99 +217,43 @@ def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: 
             for named, names in _sections(entry.keep, section)
             for short in names
         ),
-        grown=tuple(INPUT + short for short in entry.ports),
+        grown=added,
         frames_from=tuple(INPUT + short for short in entry.frames_from),
         since=entry.since,
-        until={
-            checkpoint: EarlierValues(
-                tuple(_settings(earlier.set, ports, where, section)),
-                tuple(_targets(earlier.targets, ports, where, section)),
-            )
-            for checkpoint, earlier in entry.until.items()
-        },
+        until=until,
     )
 
 
-def _input(node_type: NodeType, short: str, where: str) -> Port:
-    port = node_type.input(short)
-    if port is None:
-        raise SpecError(f"{where}: {node_type.type} has no input '{short}'")
-    return port
-
-
-def _check_uses(
-    entry: NodeEntry, ports: Mapping[str, Port], node_type: NodeType, where: str
-) -> None:
-    """Refuse an added port that every node has, and frames from anything but prims."""
-    for short in entry.ports:
-        if ports[short].name in node_type.ports:
-            raise SpecError(f"{where}: {ports[short].name}: is on every node, it cannot be added")
-    for short in entry.frames_from:
-        if not ports[short].is_target:
-            raise SpecError(
-                f"{where}: {ports[short].name}: is not a relationship, it gives no frames"
-            )
-
-
 def _settings(
-    values: Mapping[str, Any], ports: Mapping[str, Port], where: str, section: str
+    values: Mapping[str, Any], ports: Mapping[str, Port], section: str
 ) -> Iterator[Setting]:
     for named, short, value in _flat(values, section):
-        port = ports[short]
-        place = f"{where}: {port.name}"
-        if port.is_execution or port.is_target:
-            raise SpecError(f"{place}: is no value, but {port.ogn_type}")
-        checked = typed_value(value, port.usd_type, place)
-        if port.allowed and checked not in port.allowed:
-            raise SpecError(f"{place} is {value!r}, expected one of {', '.join(port.allowed)}")
-        yield Setting(port.name, checked, named)
+        yield Setting(ports[short].name, checked_value(ports[short], value), named)
 
 
-def _targets(
-    aims: Mapping[str, Any], ports: Mapping[str, Port], where: str, section: str
-) -> Iterator[Target]:
+def _targets(aims: Mapping[str, Any], ports: Mapping[str, Port], section: str) -> Iterator[Target]:
     for named, short, prims in _flat(aims, section):
-        port = ports[short]
-        if not port.is_target:
-            raise SpecError(f"{where}: {port.name}: is {port.ogn_type}, not a relationship")
-        checked = tuple(_path(path, f"{where}: {port.name}") for path in prims)
-        yield Target(port.name, checked, named)
+        yield Target(ports[short].name, checked_targets(ports[short], prims), named)
 
 
 def _wires(
     lines: _BySection, nodes: Mapping[str, NodeSpec], where: str, section: str
 ) -> tuple[Wire, ...]:
-    return tuple(
-        _wire(text, named, nodes, where)
-        for named, texts in _sections(lines, section)
-        for text in texts
-    )
+    wires = []
+    for named, texts in _sections(lines, section):
+        for text in texts:
+            with _at(f"{where}: wire '{text}'"):
+                wires.append(_wire(text, named, nodes))
+    return tuple(wires)
 
 
-def _wire(text: str, section: str, nodes: Mapping[str, NodeSpec], graph: str) -> Wire:
-    where = f"{graph}: wire '{text}'"
+def _wire(text: str, section: str, nodes: Mapping[str, NodeSpec]) -> Wire:
     match = _WIRE.match(text)
     if match is None:
-        raise SpecError(f"{where}: is not written 'role.port -> role.port'")
+        raise GraphError("is not written 'role.port -> role.port'")
     for role in (match[1], match[3]):
         if role not in nodes:
-            raise SpecError(f"{where}: there is no role '{role}'")
-    source = nodes[match[1]].type.source(match[2])
-    if source is None:
-        raise SpecError(f"{where}: {nodes[match[1]].type.type} has no output '{match[2]}'")
-    target = _wire_end(match[3], match[4], nodes, where)
-    if not can_connect(source, target):
-        raise SpecError(f"{where}: {source.ogn_type} cannot be wired to {target.ogn_type}")
-    return Wire(PortRef(match[1], source.name), PortRef(match[3], target.name), section)
-
-
-def _wire_end(role: str, short: str, nodes: Mapping[str, NodeSpec], where: str) -> Port:
-    node_type = nodes[role].type
-    target = node_type.input(short)
-    if target is None:
-        ends_at_output = node_type.source(short) is not None
-        what = "is an output, a wire ends at an input" if ends_at_output else "is not there"
-        raise SpecError(f"{where}: '{short}' of {node_type.type} {what}")
-    if target.name not in (*node_type.ports, *nodes[role].grown):
-        raise SpecError(f"{where}: {target.name} does not exist until 'ports' of {role} names it")
-    return target
+            raise GraphError(f"there is no role '{role}'")
+    source, target = (nodes[role].node for role in (match[1], match[3]))
+    wire = make_wire(source, match[2], target, match[4])
+    return Wire(wire.source, wire.target, section)

@@ -8,6 +8,7 @@ from typing import Any
 from msgspec.structs import replace
 from pxr import Pcp, Sdf, Usd
 
+from lab3_usd.isaac.graph import Graph, Node
 from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.values import are_alike
 from lab3_usd.model.changes import (
@@ -26,9 +27,8 @@ from lab3_usd.model.changes import (
     SetType,
     SetValue,
 )
-from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.stage.edit.session import EditSession
-from lab3_usd.stage.write.graphs import author_graph, catalog_value, define_parents
+from lab3_usd.stage.write.graphs import author_graph, author_nodes, catalog_value, define_parents
 
 _CUSTOM = ("inputs:", "outputs:", VARIABLE)  # how the custom properties of OmniGraph begin
 _SCHEMAS = "apiSchemas"
@@ -228,18 +228,18 @@ def activate(session: EditSession, edit: Activate) -> None:
 
 def add_graph(session: EditSession, edit: AddGraph) -> None:
     """Add a graph of the lab with everything in it."""
-    spec = replace(session.lab.graphs[edit.graph], path=edit.prim)
+    graph = replace(session.lab.graphs[edit.graph].graph, path=edit.prim)
     source = Sdf.Layer.CreateAnonymous(".usda")
-    author_graph(source, spec, session.lab.platform)
+    author_graph(source, graph, session.lab.platform)
     copy_prim(session, source, edit.prim, edit.prim)
 
 
 def add_node(session: EditSession, edit: AddNode) -> None:
     """Add a node of a graph of the lab with its values and targets, and no connections."""
-    spec = session.lab.graphs[edit.graph]
+    graph = session.lab.graphs[edit.graph].graph
     source = Sdf.Layer.CreateAnonymous(".usda")
-    author_graph(source, spec, session.lab.platform)
-    node = f"{spec.path}/{edit.role}"
+    author_graph(source, graph, session.lab.platform)
+    node = f"{graph.path}/{edit.role}"
     for attribute in source.GetPrimAtPath(node).attributes:
         attribute.connectionPathList.ClearEdits()
     copy_prim(session, source, node, edit.prim)
@@ -248,10 +248,9 @@ def add_node(session: EditSession, edit: AddNode) -> None:
 def create_node(session: EditSession, edit: CreateNode) -> None:
     """Add a node of a type of the platform, as the editor does."""
     graph, _, name = edit.prim.rpartition("/")
-    kind = session.lab.platform.types[edit.type]
-    spec = GraphSpec("", graph, "", {name: NodeSpec(name, kind, (0.0, 0.0), "")}, ())
+    node = Node(name, session.lab.platform.types[edit.type], place=(0.0, 0.0))
     source = Sdf.Layer.CreateAnonymous(".usda")
-    author_graph(source, spec, session.lab.platform)
+    author_nodes(source, Graph(graph, {name: node}), session.lab.platform)
     copy_prim(session, source, edit.prim, edit.prim)
 
 

@@ -204,7 +204,7 @@ def _checkpoint_layers(
                 former = layer.GetPrimAtPath(path)
                 if name not in checkpoint.new and former is not None:
                     del former.nameParent.nameChildren[former.name]
-                author_graph(layer, graphs[name], lab.platform)
+                author_graph(layer, graphs[name].graph, lab.platform)
                 _author_names(layer, lab, path)
         if not checkpoint.optional:
             before = graphs

@@ -7,10 +7,10 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd
 
+from lab3_usd.isaac.graph import Graph, Node
 from lab3_usd.isaac.node_types import Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
-from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.scene import PoseSpec, SensorSpec
 
 # How Kit marks ports (isaac facts: serialization, sections 4, 5 and 7).
@@ -23,25 +23,30 @@ _PARENT = "Scope"
 _DIGITS = 12  # sines differ in the last bits between machines, and that of 180 degrees is not 0
 
 
-def author_graph(layer: Sdf.Layer, spec: GraphSpec, platform: Platform) -> None:
+def author_graph(layer: Sdf.Layer, graph: Graph, platform: Platform) -> None:
     """Define the graph with all its nodes, ports, values, targets and wires.
 
-    Ancestors that the layer does not hold become `over`s. Values are authored where the handout
-    names one, and nowhere else.
+    Ancestors that the layer does not hold become `over`s. Values are authored where the graph has
+    one, and nowhere else.
     """
-    prim = _define_prim(layer, spec.path, platform.graph.type)
+    prim = _define_prim(layer, graph.path, platform.graph.type)
     for attribute in platform.graph.attributes:
         _declare(prim, attribute.name, attribute.usd_type, attribute.value, custom=False)
-    for variable in spec.variables:
+    for variable in graph.variables:
         declared = _declare(
             prim, variable.attribute, variable.usd_type, variable.value, custom=True
         )
         declared.displayName = variable.name
-    for node in spec.nodes.values():
-        _author_node(layer, spec, node, platform)
-    for wire in spec.wires:
-        target = Sdf.Path(f"{spec.path}/{wire.target.role}").AppendProperty(wire.target.port)
-        source = Sdf.Path(f"{spec.path}/{wire.source.role}").AppendProperty(wire.source.port)
+    author_nodes(layer, graph, platform)
+
+
+def author_nodes(layer: Sdf.Layer, graph: Graph, platform: Platform) -> None:
+    """Define the nodes of a graph and their wires, below whatever stands at its path."""
+    for node in graph.nodes.values():
+        _author_node(layer, graph, node, platform)
+    for wire in graph.wires:
+        target = Sdf.Path(f"{graph.path}/{wire.target.role}").AppendProperty(wire.target.port)
+        source = Sdf.Path(f"{graph.path}/{wire.source.role}").AppendProperty(wire.source.port)
         layer.GetAttributeAtPath(target).connectionPathList.prependedItems.append(source)
 
 
@@ -85,25 +90,23 @@ def _prepend_apis(prim: Sdf.PrimSpec, apis: list[str]) -> None:
     prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=apis))
 
 
-def _author_node(layer: Sdf.Layer, spec: GraphSpec, node: NodeSpec, platform: Platform) -> None:
-    prim = _define_prim(layer, f"{spec.path}/{node.role}", platform.graph.node_type)
+def _author_node(layer: Sdf.Layer, graph: Graph, node: Node, platform: Platform) -> None:
+    prim = _define_prim(layer, f"{graph.path}/{node.role}", platform.graph.node_type)
     _prepend_apis(prim, [platform.graph.gui_api])
     _declare(prim, "node:type", "token", node.type.type, custom=False)
     _declare(prim, "node:typeVersion", "int", node.type.version, custom=False)
-    values = {setting.port: setting.value for setting in node.settings}
-    targets = {target.port: target.prims for target in node.targets}
     for port in node.type.ports.values():
-        _author_port(prim, port, values.get(port.name), targets.get(port.name, ()))
-    for name in node.grown:
-        grown = node.type.port(name)
-        if grown is not None and node.type.dynamic is not None:
-            _author_port(prim, grown, None, ())
+        _author_port(prim, port, node.values.get(port.name), node.targets.get(port.name, ()))
+    for name in node.added:
+        added = node.type.port(name)
+        if added is not None and node.type.dynamic is not None:
+            _author_port(prim, added, None, ())
             # A port added by hand says which types it takes, as the editor has it.
             types = node.type.dynamic.metadata
             data = {"ExtendedAttributeType": types, "omni": {"graph": {"attrType": types}}}
             prim.attributes[name].SetInfo("customData", data)
     _declare_uniform(prim, _EXPANSION, "token", "open")
-    _declare_uniform(prim, _POSITION, "float2", node.at)
+    _declare_uniform(prim, _POSITION, "float2", node.place)
 
 
 def _author_port(

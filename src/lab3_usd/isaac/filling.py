@@ -1,0 +1,91 @@
+"""Fills the holes of recipes."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from lab3_usd.errors import GraphError
+from lab3_usd.isaac.graph import Graph, Node, Wire, make_graph, make_node, make_wire
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.recipes import Recipe, RecipeNode
+
+_HOLE, _NOT = "$", "!"
+
+
+def filled(
+    recipe: Recipe, path: str, values: Mapping[str, Any], platform: Platform
+) -> tuple[Graph, frozenset[str]]:
+    """Return the graph of a recipe with its holes filled, and the roles that may be shared.
+
+    Raises:
+        GraphError: the release lacks a type or port of the recipe, or a value is wrong.
+    """
+    nodes: dict[str, list[Node]] = {}
+    shared: set[str] = set()
+    for role, entry in recipe.nodes.items():
+        if all(_is_met(name, values) for name in entry.when):
+            nodes[role] = list(_nodes(role, entry, values, platform))
+            shared |= {node.role for node in nodes[role]} if entry.shared else set()
+    wires = [wire for text in recipe.wires for wire in _wires(text, nodes)]
+    return make_graph(path, (n for several in nodes.values() for n in several), wires), frozenset(
+        shared
+    )
+
+
+def _is_met(condition: str, values: Mapping[str, Any]) -> bool:
+    name = condition.removeprefix(_NOT)
+    return bool(values.get(name)) != condition.startswith(_NOT)
+
+
+def _nodes(
+    role: str, entry: RecipeNode, values: Mapping[str, Any], platform: Platform
+) -> Iterator[Node]:
+    items: Iterable[Mapping[str, Any]] = values.get(entry.each) or () if entry.each else ({},)
+    for number, item in enumerate(items):
+        name = item.get("name", f"{number:02}" if number else "") if entry.each else ""
+        own = {**values, "item": item}
+        kind = platform.types.get(entry.type)
+        if kind is None:
+            known = platform.releases_of(entry.type)
+            there = f"; it is in {', '.join(known)}" if known else ""
+            raise GraphError(f"Isaac Sim {platform.release} has no {entry.type}{there}")
+        given = {port: _value(value, own) for port, value in entry.set.items()}
+        aims = {port: _value(value, own) for port, value in entry.targets.items()}
+        try:
+            yield make_node(
+                f"{role}_{name}" if name else role,
+                kind,
+                {port: value for port, value in given.items() if value is not None},
+                {port: _paths(aim) for port, aim in aims.items() if aim},
+                added=entry.ports,
+            )
+        except GraphError as error:
+            raise GraphError(f"{role}: {error}") from error
+
+
+def _paths(aim: Any) -> tuple[str, ...]:
+    return (aim,) if isinstance(aim, str) else tuple(aim)
+
+
+def _value(value: Any, values: Mapping[str, Any]) -> Any:
+    """Return a value with its holes filled, None where nothing fills the hole."""
+    if isinstance(value, str) and value.startswith(_HOLE):
+        name, _, key = value.removeprefix(_HOLE).partition(".")
+        found = values.get(name)
+        return found.get(key) if key and found is not None else found
+    if isinstance(value, (list, tuple)):
+        return tuple(_value(entry, values) for entry in value)
+    return value
+
+
+def _wires(text: str, nodes: Mapping[str, list[Node]]) -> Iterator[Wire]:
+    """Yield the wires that a line stands for: one for each node, none without one of the two."""
+    (source, out), (target, into) = (end.split(".") for end in text.split(" -> "))
+    starts, ends = nodes.get(source, ()), nodes.get(target, ())
+    if len(starts) == len(ends):
+        couples = list(zip(starts, ends, strict=True))
+    else:
+        couples = [(start, end) for start in starts for end in ends]
+    for start, end in couples:
+        yield make_wire(start, out, end, into)
