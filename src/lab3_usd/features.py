@@ -21,9 +21,11 @@ if TYPE_CHECKING:
         write_live_page,
     )
     from lab3_usd.sim.bag.submitted import read_recordings
+    from lab3_usd.sim.effects import effects_of
 
 _HOMES = {
     "changes_to": "lab3_usd.commands.diff",  # fix --diff of a binary stage
+    "effects_of": "lab3_usd.sim.effects",  # fix: whether a repair ends something
     "end_live_page": "lab3_usd.report.html.live_page",  # --watch --format html
     "find_untrusted": "lab3_usd.grade.untrusted",  # check --untrusted
     "grade_of": "lab3_usd.grade.gradebook",  # --format gradescope
@@ -37,6 +39,7 @@ _HOMES = {
 
 __all__ = [
     "changes_to",
+    "effects_of",
     "end_live_page",
     "find_untrusted",
     "grade_of",

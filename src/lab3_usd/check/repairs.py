@@ -7,7 +7,8 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.facts.likely_names import likely_name
+from lab3_usd.facts.likely_names import likely_port
+from lab3_usd.facts.wires import connections
 from lab3_usd.isaac.names import origin
 from lab3_usd.isaac.node_types import NodeType, Port
 from lab3_usd.isaac.platform import Platform
@@ -21,9 +22,26 @@ from lab3_usd.model.changes import (
     SetValue,
 )
 from lab3_usd.model.finding import Severity
-from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.model.stage import GraphModel, Node, StageModel
 
 TYPE, VERSION = "node:type", "node:typeVersion"
+
+
+def can_become(node: Node, kind: NodeType, stage: StageModel) -> bool:
+    """Whether a node of another type would keep all of its wires, and what stands below it.
+
+    A compound is what stands below it, whatever it is called.
+    """
+    if is_compound(node, stage):
+        return False
+    inputs = (name for name, state in node.ports.items() if state.sources)
+    outputs = (wire.source_port for wire in connections(stage) if wire.source is node)
+    return all(kind.port(name) is not None for name in (*inputs, *outputs))
+
+
+def is_compound(node: Node, stage: StageModel) -> bool:
+    """Whether a node holds a graph, which does its work."""
+    return any(graph.path.startswith(f"{node.path}/") for graph in stage.graphs)
 
 
 def edits_at(subject: GraphSubject, *properties: str) -> tuple[Edit, ...]:
@@ -65,13 +83,15 @@ def _property_edits(subject: GraphSubject, role: str, node: Node, name: str) -> 
     spec = subject.spec.nodes[role]
     port = spec.type.port(name)
     if name in {TYPE, VERSION}:
+        if is_compound(node, subject.stage):
+            return
         if node.saved_type != spec.type.type:
             yield SetValue(node.path, TYPE, "token", spec.type.type)
         if node.version != spec.type.version:
             yield SetValue(node.path, VERSION, "int", spec.type.version)
     elif port is None:
         # The port was likely meant to be one that the type has; else it is not connected.
-        likely = likely_name(name, [*spec.type.ports])
+        likely = likely_port(name, [*spec.type.ports])
         if likely is not None and _misspelt(spec.type, node, likely) == name:
             yield from _property_edits(subject, role, node, likely)
         elif node.sources(name):
@@ -146,8 +166,8 @@ def other_names(graph: GraphModel, platform: Platform) -> Iterator[OtherNames]:
 def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:
     """Return the property that was likely meant to be a port which the node does not have."""
     unknown = [port for port in node.ports if kind.port(port) is None]
-    written = likely_name(name, unknown) if name not in node.ports else None
-    return written if written and likely_name(written, [*kind.ports]) == name else None
+    written = likely_port(name, unknown) if name not in node.ports else None
+    return written if written and likely_port(written, [*kind.ports]) == name else None
 
 
 def _sources(subject: GraphSubject, role: str, node: Node, name: str) -> Iterator[str]:

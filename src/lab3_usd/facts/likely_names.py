@@ -10,13 +10,36 @@ from lab3_usd.isaac.platform import Platform
 
 _ALIKE = 0.8
 _NEAR_TYPE = 0.92
+_ALIKE_WORD = 0.6  # `max` and `min` are another word, `tik` and `tick` are one
 _NUMBER = r"\d+"
+_WORD = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+"
 
 
 def likely_name(written: str, known: Collection[str]) -> str | None:
     """Return the known name that a name was likely meant to be, None where none is near."""
     same = [name for name in known if name.lower() == written.lower()]
     return same[0] if same else _near(written, known, _ALIKE)
+
+
+def likely_port(written: str, known: Collection[str]) -> str | None:
+    """Return the port of a type that a name was likely meant to be, None where none is near.
+
+    What all inputs begin with makes no two of them alike, and one with another word in its name is
+    no misspelling: it is another quantity.
+    """
+    side, _, short = written.partition(":")
+    names = {name.partition(":")[2]: name for name in known if name.partition(":")[0] == side}
+    near = likely_name(short, names)
+    return None if near is None or _has_other_word(short, near) else names[near]
+
+
+def _has_other_word(written: str, near: str) -> bool:
+    """Whether two names of as many words differ in a word by more than a few letters."""
+    words, meant = (re.findall(_WORD, name) for name in (written, near))
+    if len(words) != len(meant):
+        return False
+    pairs = zip(map(str.lower, words), map(str.lower, meant), strict=True)
+    return any(_near(word, [other], _ALIKE_WORD) is None for word, other in pairs if word != other)
 
 
 def likely_type(written: str, known: Collection[str]) -> str | None:

@@ -10,6 +10,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd import features
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
@@ -18,7 +19,7 @@ from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, unwritten
 from lab3_usd.files import FileState, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
-from lab3_usd.model.changes import MovePrim, RemovePrim, Repair, Restore
+from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Repair, Restore, touched
 from lab3_usd.model.finding import Finding, Score, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.pipeline.lint import lint_platform
@@ -34,6 +35,7 @@ from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.reader import read_model
 
 WORSE = "would make the stage worse"
+SILENCES = "would end what the dry run shows: {}"
 USELESS = "does not help"
 _PACKAGE = ".usdz"
 _ROUNDS = 8  # a missing graph needs three: the graph, its connections, what those bring to light
@@ -190,14 +192,23 @@ def _fixed(
         finally:
             release_start_values(stage)  # which edits are about to change
 
+    def effects() -> frozenset[str]:
+        try:
+            return features.effects_of(stage, lab.platform)
+        finally:
+            release_start_values(stage)
+
     before = findings_in(path, stage)
     sites = dict.fromkeys(site_of(finding) for finding in before if _repair_of(finding, options))
     there = lab.at(checkpoint.id)
     first = EditSession(stage, there, checkpoint, options.root_only, options.starter)
+    shown = effects() if sites and not options.unsafe else frozenset()
 
     def attempt(kept: frozenset[Site]) -> Attempt:
         session, left_out = replace(first, edited={}), frozenset(sites) - kept
-        return _attempt(session, options, left_out, before, root, lambda: findings_in(path, stage))
+        now = lambda: findings_in(path, stage)  # noqa: E731 - one of two questions to the stage
+        lost = lambda: shown and shown - effects()  # noqa: E731
+        return _attempt(session, options, left_out, before, root, now, lost)
 
     chosen = most_helpful(tuple(sites), attempt)
     return Fixed(
@@ -224,8 +235,12 @@ def _attempt(
     before: tuple[Finding, ...],
     root: FileState,
     findings_now: Callable[[], tuple[Finding, ...]],
+    lost_now: Callable[[], frozenset[str]],
 ) -> Attempt:
-    """Repair until nothing but `left_out` remains; the layers then hold what they held before."""
+    """Repair until nothing but `left_out` remains; the layers then hold what they held before.
+
+    What would end something that the stage does is an error.
+    """
     after, made = before, dict[Repair, None]()
     try:
         for _ in range(_ROUNDS):
@@ -238,11 +253,15 @@ def _attempt(
                 if not deletes_what_waits(repair, errors, session)
                 and not _restores_what_moves(repair, moves)
             ]
+            repairs = compatible(repairs)
             make_edits(session, repairs)
             made.update(dict.fromkeys(repairs))
             before_edits, after = after, findings_now() if repairs else after
             if after == before_edits:
                 break
+        lost = lost_now() if made else frozenset()
+        if lost:
+            return Attempt(before, error=SILENCES.format(min(lost)))
         edited = {Path(layer.layer.realPath): layer for layer in session.edited.values()}
         root_path = Path(session.stage.GetRootLayer().realPath)
         states = {path: root if path == root_path else read_state(path) for path in edited}
@@ -253,6 +272,21 @@ def _attempt(
         return Attempt(before, error=str(error))
     finally:
         session.close()
+
+
+def compatible(repairs: Iterable[Repair]) -> list[Repair]:
+    """Leave out each repair that edits in another way what one before it edits.
+
+    What that finding says then is judged anew.
+    """
+    claimed: dict[tuple[str, str], Edit] = {}
+    kept = []
+    for repair in repairs:
+        places = {place: edit for edit in repair.edits for place in touched(edit)}
+        if all(claimed.get(place, edit) == edit for place, edit in places.items()):
+            claimed.update(places)
+            kept.append(repair)
+    return kept
 
 
 def errors_by_prim(

@@ -142,6 +142,25 @@ Edit: TypeAlias = (
 )
 
 
+def touched(edit: Edit) -> tuple[tuple[str, str], ...]:
+    """Return the properties and the schemas that an edit changes, each by its prim and its name.
+
+    One of a whole prim changes none by itself.
+    """
+    match edit:
+        case SetValue() | ClearValue() | Connect() | Retarget():
+            names: tuple[str, ...] = (edit.property,)
+        case RenameProperty():
+            names = (edit.property, edit.to)
+        case Restore():
+            names = () if edit.property is None else (edit.property,)
+        case ApplySchema() | RemoveSchema():
+            names = (f"apiSchemas[{edit.schema}]",)
+        case _:
+            names = ()
+    return tuple((edit.prim, name) for name in names)
+
+
 class Repair(Struct, frozen=True):
     """The edits that repair one finding, with a title.
 

@@ -10,7 +10,7 @@ from lab3_usd.check.fold import absent_above, of_one_cause
 from lab3_usd.check.match.rule_inputs import GraphsSubject, GraphSubject, LintSubject, WireFault
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import live_nodes
-from lab3_usd.facts.likely_names import did_you_mean, likely_name
+from lab3_usd.facts.likely_names import did_you_mean, likely_port
 from lab3_usd.facts.wires import (
     Connection,
     connection,
@@ -110,7 +110,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
     for wire in connections(subject.stage):
         source, kind = wire.source, wire.node.type
         if source is not None and source.type is not None and _leaves_out(source, wire.source_port):
-            near = meant_port(wire.source_port, source.type, is_source=True)
+            near = _meant(wire.source_port, source.type, subject, is_source=True)
             yield Problem(
                 wire.node.path,
                 f"{wire.port} is connected to {source.name}.{wire.source_port}, a port that "
@@ -122,7 +122,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 severity="warning",
             )
         if kind is not None and (kind.port(wire.port) is None or _leaves_out(wire.node, wire.port)):
-            near = meant_port(wire.port, kind, is_source=False)
+            near = _meant(wire.port, kind, subject, is_source=False)
             yield Problem(
                 wire.node.path,
                 f"{wire.port} is wired, and {kind.ui_name} has no such port"
@@ -225,7 +225,7 @@ def _with_port(problem: Problem, opening: str, wire: Connection, subject: Graphs
         return replace(problem, message=f"{opening}which is no port of it")
     if source.has_port(wire.source_port):
         return replace(problem, message=f"{opening}an input, which sends no signal")
-    near = meant_port(wire.source_port, kind, is_source=True)
+    near = _meant(wire.source_port, kind, subject, is_source=True)
     message = f"{opening}a port that {kind.ui_name} does not have"
     message += _gone(kind, wire.source_port, subject)
     message += "" if problem.expected else did_you_mean(near)
@@ -254,12 +254,19 @@ def _rewiring(wire: Connection, *meant: str) -> tuple[Edit, ...]:
     return (Connect(wire.node.path, port.name, port.usd_type, rest),)
 
 
+def _meant(written: str, kind: NodeType, subject: GraphsSubject, *, is_source: bool) -> str | None:
+    """Return the port that was likely meant; one that some release has is no misspelling."""
+    if subject.platform.releases_with(kind.type, written):
+        return None
+    return meant_port(written, kind, is_source=is_source)
+
+
 def meant_port(written: str, kind: NodeType, *, is_source: bool) -> str | None:
     """Return the port of a type that was likely meant."""
     known = [name for name, port in kind.ports.items() if port.is_source == is_source]
     short = written.partition(":")[2]
     same = [name for name in known if name.partition(":")[2] == short]
-    return same[0] if same else likely_name(written, known)
+    return same[0] if same else likely_port(written, known)
 
 
 def _gone(kind: NodeType, port: str, subject: GraphsSubject) -> str:

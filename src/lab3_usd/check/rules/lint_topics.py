@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import TYPE, VERSION
+from lab3_usd.check.repairs import TYPE, VERSION, can_become
 from lab3_usd.facts.domains import are_surely_one
 from lab3_usd.facts.endpoints import (
     PROFILE,
@@ -125,7 +125,7 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
                     hint=f"replace the node by a {other}" if other else None,
                     fix=_setting(node, name, expected if expected in port.allowed else "")
                     if moved is None
-                    else _becoming(node, moved),
+                    else _becoming(node, moved, subject),
                 )
 
 
@@ -139,9 +139,9 @@ def _other_type(node: Node, kind: str, subject: LintSubject) -> NodeType | None:
     return None if node.type is None else subject.platform.get(node.type.moved.get(kind, ""))
 
 
-def _becoming(node: Node, kind: NodeType) -> tuple[Edit, ...]:
-    """Return what makes a node one of another type that has all of its wired inputs."""
-    if any(state.sources and kind.port(name) is None for name, state in node.ports.items()):
+def _becoming(node: Node, kind: NodeType, subject: LintSubject) -> tuple[Edit, ...]:
+    """Return what makes a node one of another type that has all of its wired ports."""
+    if not can_become(node, kind, subject.stage):
         return ()
     return (
         SetValue(node.path, TYPE, "token", kind.type),

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import TYPE, VERSION
+from lab3_usd.check.repairs import TYPE, VERSION, can_become
 from lab3_usd.facts.likely_names import did_you_mean, likely_type
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.isaac.releases import order
@@ -54,6 +54,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
             )
             continue
         of_release, likely = _other_release(node, subject), _likely(node, subject)
+        kind = subject.platform.types.get(likely or "")
         if of_release is None or (likely is None and not of_release):
             continue
         release = f"{subject.platform.release}{of_release}"
@@ -64,7 +65,9 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
             expected=likely,
             actual=node.saved_type,
             hint=_other_hint(node, subject) if likely is None else None,
-            fix=(SetValue(node.path, TYPE, "token", likely),) if likely else (),
+            fix=(SetValue(node.path, TYPE, "token", likely),)
+            if likely and kind and can_become(node, kind, subject.stage)
+            else (),
         )
 
 
@@ -93,8 +96,11 @@ def _later(node: Node, subject: LintSubject) -> str | None:
 
 
 def _likely(node: Node, subject: LintSubject) -> str | None:
-    """Return the type that was likely meant, None where none is near."""
-    if _later(node, subject):
+    """Return the type that was likely meant, None where none is near.
+
+    A type that some release has is what was meant.
+    """
+    if subject.platform.releases_of(node.type_name):
         return None
     alike = subject.platform.lookalikes.get(node.saved_type)
     return alike or likely_type(node.saved_type, subject.platform.types)
