@@ -14,6 +14,7 @@ from own_rules import add_counting_rule
 from two_judges import all_faults
 
 from lab3_usd.check.checker import judge
+from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.read.opening import kept_open
@@ -130,8 +131,8 @@ def test_what_a_stage_says_is_worked_out_once_for_all_checkpoints(
 
 @pytest.mark.usefixtures("own_rules")
 def test_what_is_asked_again_is_not_judged_again() -> None:
-    asked: list[str] = []
-    add_counting_rule("S99", asked, looks_at_checkpoint=True)
+    asked: list[StageModel] = []
+    add_counting_rule("S99", asked)
     with kept_open():
         for number in ("06", "07", "08", "07"):
             check_stage(stage("08"), number)

@@ -22,6 +22,7 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.commands.shared import options
 from lab3_usd.errors import Lab3Error
 from lab3_usd.files import keep_original
+from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.pipeline.starter_comparison import against_starter, open_starter
 from lab3_usd.sim.dry_run import dry_run
@@ -142,8 +143,8 @@ def test_a_save_while_the_stage_is_judged_is_not_overwritten(tmp_path: Path, whe
     """When its faults are looked for, and when the result is judged again before it is written."""
     path = saved(tmp_path, WRONG_RADIUS)
     before, theirs = path.read_text(), path.read_text() + "# saved meanwhile\n"
-    asked: list[str] = []
-    add_counting_rule("S98", asked, looks_at_checkpoint=True)
+    asked: list[StageModel] = []
+    add_counting_rule("S98", asked)
     assert fix(path, "--in-place", "--no-orig").exit_code == 0
     moment = 1 if when == "first" else len(asked)
     asked.clear()
@@ -177,8 +178,8 @@ IN_PLACE = ("--in-place", "--no-orig")
 def test_a_result_below_a_linked_folder_is_judged_again(tmp_path: Path) -> None:
     (tmp_path / "real").mkdir()
     (tmp_path / "linked").symlink_to(tmp_path / "real")
-    asked: list[str] = []
-    add_counting_rule("S99", asked, looks_at_checkpoint=True)
+    asked: list[StageModel] = []
+    add_counting_rule("S99", asked)
     times = []
     for folder, words in (("real", ()), ("real", IN_PLACE), ("linked", IN_PLACE)):
         fix(saved(tmp_path / folder, WRONG_RADIUS), *words)

@@ -8,6 +8,7 @@ from contextlib import contextmanager
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import _RULES, Scope, rule, without_rules
 from lab3_usd.model.finding import Problem
+from lab3_usd.model.stage import StageModel
 
 
 @contextmanager
@@ -39,12 +40,6 @@ def add_acting_rule(rule_id: str, act: Callable[[StageSubject], object]) -> None
         yield from ()
 
 
-def add_counting_rule(rule_id: str, asked: list[str], *, looks_at_checkpoint: bool) -> None:
-    """Register a rule of the scene that notes when it is asked, and finds nothing."""
-
-    def count(subject: StageSubject) -> None:
-        asked.append(rule_id)
-        if looks_at_checkpoint:
-            subject.stage.note_checkpoint_use()
-
-    add_acting_rule(rule_id, count)
+def add_counting_rule(rule_id: str, asked: list[StageModel]) -> None:
+    """Register a rule of the scene that notes which stage it is asked about, and finds nothing."""
+    add_acting_rule(rule_id, lambda subject: asked.append(subject.stage))

@@ -74,12 +74,11 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     at_root = [robot for robot in placed.scene.robots if is_root_articulated(robot, stage)]
     placed = articulated_at_roots(placed, at_root)
     subjects = tuple(_graph_subjects(placed, checkpoint, stage, live))
-    run = _Run(lab, stage, _known_results(stage, lab, checkpoint))
-    of_graphs = [(subject, subject.spec.name) for subject in subjects]
-    run.rules(rules_of("graph", *GRAPH_FAMILIES), of_graphs)
+    run = _Run(lab)
+    run.rules(rules_of("graph", *GRAPH_FAMILIES), subjects)
     whole = StageSubject(
         lab=placed,
-        at=checkpoint,
+        checkpoint=checkpoint,
         stage=stage,
         roles={subject.spec.name: subject.roles for subject in subjects},
         relocations=relocations,
@@ -87,24 +86,21 @@ def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
     )
     of_stage = (*rules_of("stage", *STAGE_FAMILIES), *rules_of("robot", *STAGE_FAMILIES))
     of_stage = (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id))
-    run.rules(of_stage, [(whole, _STAGE)])
+    run.rules(of_stage, [whole])
     if checkpoint.frames:
-        before = stage.checkpoint_uses
-        transforms = tf_view(whole)
-        part = _STAGE if stage.checkpoint_uses == before else None
-        run.rules(rules_of("frames", *STAGE_FAMILIES), [(transforms, part)])
+        run.rules(rules_of("frames", *STAGE_FAMILIES), [tf_view(whole)])
     run.findings[:] = with_unmet(fold(run.findings), whole, lab)
     requirements = [item for subject in subjects for item in graph_requirements(subject)]
     requirements += scene_requirements(lab, checkpoint, run.findings)
     requirements += frame_requirements(whole)
     requirements = with_named_faults(requirements, run.findings)
     judged_stage = JudgedStage(whole, tuple(requirements), tuple(run.findings))
-    run.rules(rules_of("requirements", *STAGE_FAMILIES), [(judged_stage, None)])
+    run.rules(rules_of("requirements", *STAGE_FAMILIES), [judged_stage])
     findings = tuple(with_named_nodes(run.findings, live))
     graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
     judged = with_other_faults(judged_stage.requirements, findings, graphs)
     known = len(run.findings)
-    run.rules(own_rules().values(), [(LintSubject(stage), None)])
+    run.rules(own_rules().values(), [LintSubject(stage)])
     return Judgement(
         (*with_costs(findings, subjects, placed), *run.findings[known:]),
         with_unknown(judged, run.left_open, whole, lab),
@@ -143,51 +139,21 @@ def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
             )
 
 
-_STAGE = ""  # the part of a stage that most rules are about: all of it
-_Known = dict[str, dict[str, RuleResults]]
-
-
-def _known_results(stage: StageModel, lab: Lab, checkpoint: Checkpoint) -> _Known:
-    """Return what rules said of a stage at another checkpoint, with the same parts of the lab.
-
-    They say the same again if they did not look at the checkpoint itself.
-    """
-    asked = (checkpoint.graphs, checkpoint.sensors, checkpoint.frames)
-    known: _Known = stage.derived.setdefault((_known_results, lab, *asked), {})
-    return known
-
-
 class _Run(Struct, frozen=True):
-    """What one run by a lab comes to, in the order in which the rules speak.
-
-    `known` are the results of rules, by the part that they are about and by rule, which hold at any
-    checkpoint.
-    """
+    """What one run by a lab comes to, in the order in which the rules speak."""
 
     lab: Lab
-    stage: StageModel
-    known: _Known
     findings: list[Finding] = field(default_factory=list)
     crashes: list[Crash] = field(default_factory=list)
     not_judged: dict[NotJudged, None] = field(default_factory=dict)
     left_open: list[Finding] = field(default_factory=list)
     said: set[tuple[str | None, ...]] = field(default_factory=set)
 
-    def rules(self, rules: Iterable[Rule], subjects: Collection[tuple[Any, str | None]]) -> None:
-        """Run each rule over all subjects, which stand beside the part that they are about."""
-        uses = self.stage.checkpoint_uses
-        beside_known = [
-            (subject, {} if part is None else self.known.setdefault(part, {}))
-            for subject, part in subjects
-        ]
+    def rules(self, rules: Iterable[Rule], subjects: Collection[Any]) -> None:
+        """Run each rule over all subjects."""
         for rule in rules:
-            for subject, known in beside_known:
-                results = known.get(rule.id)
-                if results is None:
-                    results = run_rule(rule, subject, self.lab)
-                    before, uses = uses, self.stage.checkpoint_uses
-                    if uses == before:
-                        known[rule.id] = results
+            for subject in subjects:
+                results = run_rule(rule, subject, self.lab)
                 if results is not NOTHING:
                     self._keep(results)
 
@@ -217,7 +183,7 @@ def _graph_subjects(
     for name in checkpoint.graphs:
         yield GraphSubject(
             lab=lab,
-            at=checkpoint,
+            checkpoint=checkpoint,
             spec=specs[name],
             roles=roles[name],
             stage=stage,

@@ -263,18 +263,15 @@ class AnimatedAttribute(Struct, frozen=True):
     then: str
 
 
-_USES = "checkpoint uses"
-
-
 class StageModel(Struct, frozen=True, eq=False):
     """Everything the rules know of one stage.
 
     `platform` is the release of Isaac Sim by which the stage was read. Two models are the same only
     when they are one. `derived` holds what was worked out from this one (`once_per_stage`), so that
-    it goes when the model goes. `judged` holds what was worked out for rules, their inputs, and so
-    the model, and how often those used the checkpoint. `instances` are the paths of the outermost
-    instances, `products` the render products that nodes name, by path. `overridden` are prims that
-    look like nodes, which the stage only overrides; they are read where an asset is missing.
+    it goes when the model goes. `judged` holds what was worked out of the inputs of rules, which
+    hold the model, while it is judged. `instances` are the paths of the outermost instances,
+    `products` the render products that nodes name, by path. `overridden` are prims that look like
+    nodes, which the stage only overrides; they are read where an asset is missing.
     """
 
     platform: Platform
@@ -301,16 +298,6 @@ class StageModel(Struct, frozen=True, eq=False):
         """Let a model that is made of another start without anything derived."""
         force_setattr(self, "derived", {})
         force_setattr(self, "judged", {})
-
-    @property
-    def checkpoint_uses(self) -> int:
-        """How often what is being judged has depended on the checkpoint."""
-        count: int = self.judged.get(_USES, 0)
-        return count
-
-    def note_checkpoint_use(self) -> None:
-        """Note that what is being worked out depends on the checkpoint."""
-        self.judged[_USES] = self.checkpoint_uses + 1
 
     def nodes(self) -> Iterator[Node]:
         """Yield every live node, graph by graph, then those outside every graph."""
@@ -436,33 +423,20 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
     @wraps(function)
     def kept(*given: Any) -> _T:
         about = given[0]
-        if type(about) is not StageModel:  # of its type is none, which `isinstance` is slow to see
-            return _once_judged(function, given, about.stage)
-        key = (function, *given[1:])
+        if type(about) is StageModel:
+            results, key = about.derived, (function, *given[1:])
+        else:
+            results, key = about.stage.judged, (function, *given)
         try:
-            found: _T = about.derived[key]
+            result: _T = results[key]
         except KeyError:
             pass
         else:
-            return found
-        about.derived[key] = found = function(*given)  # type: ignore[call-arg]  # all are positional
-        return found
+            return result
+        results[key] = result = function(*given)  # type: ignore[call-arg]  # all are positional
+        return result
 
     return kept  # type: ignore[return-value]  # nobody names an argument
-
-
-def _once_judged(function: Callable[..., _T], given: tuple[Any, ...], stage: StageModel) -> _T:
-    """Return what a function of something with a stage returns; a look of the first time counts."""
-    key = (function, *given)
-    known: tuple[_T, bool] | None = stage.judged.get(key)
-    if known is None:
-        before = stage.checkpoint_uses
-        found = function(*given)
-        stage.judged[key] = found, stage.checkpoint_uses != before
-        return found
-    if known[1]:
-        stage.note_checkpoint_use()
-    return known[0]
 
 
 def absence_reason(stage: StageModel, path: str) -> str:

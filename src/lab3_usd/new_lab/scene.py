@@ -182,7 +182,7 @@ def appearance_below(source: Source, lab: Lab) -> dict[str, list[str]]:
     """
     subject = StageSubject(
         lab=lab,
-        at=source.lab.checkpoints[source.lab.last],
+        checkpoint=source.lab.checkpoints[source.lab.last],
         stage=source.stage,
         roles={},
     )
@@ -253,7 +253,7 @@ def _subject(stage: StageModel, scene: Mapping[str, Any], lab: Lab) -> StageSubj
     """Return what rules see of a stage by the description of its scene."""
     return StageSubject(
         lab=replace(lab, scene=parse_scene(scene)),
-        at=lab.checkpoints[lab.last],
+        checkpoint=lab.checkpoints[lab.last],
         stage=stage,
         roles={},
     )

@@ -156,23 +156,16 @@ class GraphSubject(Struct, frozen=True, eq=False):
 
     `live_nodes` holds the live nodes of the whole stage by path, `matched` the nodes that play a
     role, each with the spec of the role, `wire_faults` what is wrong with the wires of this graph.
-    `at` is for `checkpoint` alone.
     """
 
     lab: Lab
-    at: Checkpoint
+    checkpoint: Checkpoint
     spec: GraphSpec
     roles: Roles
     stage: StageModel
     live_nodes: Mapping[str, Node]
     matched: tuple[tuple[Node, NodeSpec], ...] = ()
     wire_faults: tuple[WireFault, ...] = ()
-
-    @property
-    def checkpoint(self) -> Checkpoint:
-        """The checkpoint; what looks at it is worked out for each."""
-        self.stage.note_checkpoint_use()
-        return self.at
 
     @property
     def platform(self) -> Platform:
@@ -216,21 +209,15 @@ class StageSubject(Struct, frozen=True, eq=False):
 
     `relocations` maps where the handout has the robot and its links to where they stand instead;
     `lab` reads as if they belonged there. `graphs` are those of the checkpoint, each as its own
-    rules see it. `at` is for `checkpoint` alone.
+    rules see it.
     """
 
     lab: Lab
-    at: Checkpoint
+    checkpoint: Checkpoint
     stage: StageModel
     roles: Mapping[str, Roles]
     relocations: Mapping[str, str] = field(default_factory=dict)
     graphs: tuple[GraphSubject, ...] = ()
-
-    @property
-    def checkpoint(self) -> Checkpoint:
-        """The checkpoint; what looks at it is worked out for each."""
-        self.stage.note_checkpoint_use()
-        return self.at
 
     @property
     def platform(self) -> Platform:
