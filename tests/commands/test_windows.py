@@ -35,6 +35,7 @@ CALLS = {
     "lab": ["lab", "check"],
     "demo": ["demo", "demo"],
     "lint": ["lint", STAGE],
+    "server": ["server", "--help"],
     "rules": ["rules"],
     "rule": ["rule", "W01"],
     "config": ["config", STAGE],

@@ -30,6 +30,7 @@ EXTRAS = {
     "nvidia": ("usd-validation-nvidia", "the rules in NVIDIA's validator"),
     "sim": ("rosbags", "bags of dry runs and of the running system"),
     "live": ("cyclonedds", "dry runs that other programs of ROS 2 hear and drive"),
+    "editor": ("pygls", "findings in an editor, as you type"),
     "watch": ("watchfiles", "checking again whatever is saved"),
     "cluster": ("distributed", "grading on several computers"),
 }

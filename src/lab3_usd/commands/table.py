@@ -43,6 +43,10 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
             "lab3 bag run",
             "lab3 bag run --stage STAGE.usda",
         ),
+        "server": (
+            "Serve an editor: findings as you type, manuals, repairs.",
+            "lab3 server",
+        ),
         "rules": ("List all rules.", "lab3 rules", "lab3 rules --all"),
         "rule": ("Explain one rule.", "lab3 rule W01", "lab3 rule wire", "lab3 rule --all"),
     },

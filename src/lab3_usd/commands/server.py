@@ -1,0 +1,38 @@
+"""`lab3 server`: a language server for editors."""
+
+from __future__ import annotations
+
+import click
+
+from lab3_usd.errors import UsageError
+from lab3_usd.installation import install_command
+
+
+@click.command("server")
+@click.option(
+    "--isaac",
+    "release",
+    default="",
+    metavar="RELEASE",
+    help="Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
+)
+def command(release: str) -> None:
+    """Serve an editor: findings as you type, manuals, repairs, and the ends of wires.
+
+    The editor starts this command and speaks the Language Server Protocol with it over standard
+    input and output (docs/editor.md has the settings). Nothing of a stage is run, and nothing is
+    written but what you accept.
+    """
+    from lab3_usd.pipeline.lint import lint_platform
+
+    if release:
+        lint_platform(release)  # which refuses an unknown one
+    try:
+        from lab3_usd.server.protocol import make_server
+    except ImportError as error:
+        raise UsageError(
+            f"lab3 server needs the extra editor: {install_command('editor')}"
+        ) from error
+    from lab3_usd.report.options import tool_version
+
+    make_server(tool_version(), release).start_io()

@@ -1,0 +1,1 @@
+"""A language server: findings, manuals, repairs and places in an editor, as one types."""
