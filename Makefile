@@ -107,7 +107,7 @@ CONSTRAINTS = -c requirements/build.txt -c $(RUN_PINS) -c requirements/dev.txt
 $(ENVIRONMENTS:%=%/python): requirements/build.txt
 	@python="$(if $(filter $(VENV),$(@D)),$(PYTHON))"; [ -n "$$python" ] || python=$$(sh .ci/find-python $(VERSIONS)) || \
 		{ echo "lab3 $(NO_PYTHON)" >&2; exit 1; }; \
-	echo "$$python -m venv $(@D)"; "$$python" -m venv --clear $(@D)
+	echo "$$python -m venv $(@D)"; "$$python" -I -m venv --clear $(@D)
 	$(@D)/bin/python $(PIP) -r $<
 	@touch $@
 

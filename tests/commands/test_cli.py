@@ -228,20 +228,29 @@ SAYS_IT_RAN = "import os\nopen(os.path.join(os.path.dirname(__file__), 'ran'), '
 GRADE = ["grade", "class", "--starter", "starter.usda", "--output", "book"]
 
 
+PROGRAM = "../program.py"  # like the script that pip makes: its own folder comes first
+SCRIPT = "from lab3_usd.__main__ import start\nif __name__ == '__main__':\n    start()\n"
+LINT = ["lint", "--jobs", "2", "class", "starter.usda"]
+
+
 @pytest.mark.parametrize(
     "words",
-    [["-m", "lab3_usd", *GRADE], ["-mlab3_usd", "rules"]],
-    ids=["grade", "rules"],
+    [["-m", "lab3_usd", *GRADE], ["-mlab3_usd", "rules"], [PROGRAM, *LINT]],
+    ids=["grade", "rules", "lint"],
 )
 def test_no_module_of_the_working_directory_is_run(tmp_path: Path, words: list[str]) -> None:
-    shutil.copyfile(starter(), tmp_path / "starter.usda")
-    submission(tmp_path / "class" / "ana", "00")
+    (tmp_path / "program.py").write_text(SCRIPT)
+    folder = tmp_path / "here"
+    submission(folder / "class" / "ana", "00")
+    shutil.copyfile(starter(), folder / "starter.usda")
     for name in ("typing", "msgspec", "yaml", "click", "pxr", "shutil", "tempfile"):
-        (tmp_path / f"{name}.py").write_text(SAYS_IT_RAN)
+        (folder / f"{name}.py").write_text(SAYS_IT_RAN)
+    (folder / "multiprocessing").mkdir()
+    (folder / "multiprocessing" / "__init__.py").write_text(SAYS_IT_RAN)
     done = subprocess.run(
-        [sys.executable, *words], cwd=tmp_path, capture_output=True, check=False, timeout=100
+        [sys.executable, *words], cwd=folder, capture_output=True, check=False, timeout=100
     )
-    assert not (tmp_path / "ran").exists()
+    assert [*folder.rglob("ran")] == []
     assert done.returncode == 0, done.stderr
 
 

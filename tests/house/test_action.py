@@ -34,6 +34,7 @@ class Ran:
 
     status: int
     printed: str
+    errors: str
     outputs: str
     summary: str
 
@@ -155,37 +156,55 @@ def steps(action: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
     return {step["name"]: step for step in action["runs"]["steps"]}
 
 
-def run_check(action: Mapping[str, Any], folder: Path, temp: Path, **inputs: str) -> Ran:
-    """Run the step that checks as a runner does: bash, environment, files for what it says."""
-    program = temp / "lab3-usd" / "bin" / "lab3"
-    program.parent.mkdir(parents=True)
-    forking.shim(program, "lab3_usd")
-    step = steps(action)[CHECK]
+def run_step(
+    action: Mapping[str, Any],
+    name: str,
+    folder: Path,
+    temp: Path,
+    environment: Mapping[str, str],
+    **inputs: str,
+) -> Ran:
+    """Run a step as a runner does: bash, its environment, and files for what the step says."""
+    step = steps(action)[name]
     values = {name: spec["default"] for name, spec in action["inputs"].items()} | inputs
-    environment = {
+    given = {
         name: EXPRESSION.sub(lambda found: values[found[1].partition(".")[2]], text)
         for name, text in step["env"].items()
     }
     files = {"GITHUB_OUTPUT": temp / "output", "GITHUB_STEP_SUMMARY": temp / "summary"}
     for file in files.values():
-        file.touch()
+        file.write_bytes(b"")
     done = subprocess.run(
         ["bash", "--noprofile", "--norc", "-eo", "pipefail", "-c", step["run"]],  # noqa: S607
         cwd=folder,
         env={
-            **os.environ,
+            "GITHUB_ACTION_PATH": str(ROOT),
             **environment,
+            **given,
             **{name: str(file) for name, file in files.items()},
             "RUNNER_TEMP": str(temp),
-            "GITHUB_ACTION_PATH": str(ROOT),
         },
         capture_output=True,
         text=True,
         check=False,
-        timeout=120,
+        timeout=280,
     )
     texts = [file.read_text() for file in files.values()]
-    return Ran(done.returncode, done.stdout, *texts)
+    return Ran(done.returncode, done.stdout, done.stderr, *texts)
+
+
+def run_check(action: Mapping[str, Any], folder: Path, temp: Path, **inputs: str) -> Ran:
+    """Run the step that checks, with the Python of these tests in place of the installed one."""
+    programs = temp / "lab3-usd" / "bin"
+    programs.mkdir(parents=True)
+    forking.shim(programs / "lab3", "lab3_usd")
+    python = programs / "python"
+    python.write_text(
+        f'#!/bin/sh\n[ "$1 $2 $3" = "-I -m lab3_usd" ] || exit 99\n'
+        f'shift 3; exec "{programs}/lab3" "$@"\n'
+    )
+    python.chmod(0o755)
+    return run_step(action, CHECK, folder, temp, os.environ, **inputs)
 
 
 def test_the_action_passes_right_stages(
@@ -290,11 +309,119 @@ def test_every_input_is_used_and_explained(action: dict[str, Any]) -> None:
     assert all(spec["description"] for spec in action["inputs"].values())
 
 
-def test_the_action_installs_the_pinned_versions(action: dict[str, Any]) -> None:
-    script = steps(action)["Install lab3"]["run"]
-    named = re.findall(r"\$pins/([a-z]+\.txt)", script)
-    assert set(named) == {"build.txt", "run.txt"}
-    assert all((ROOT / "requirements" / name).is_file() for name in named)
+# ---- the action on a fresh runner, from its clone to its annotations
+
+INSTALL = "Install lab3"
+# What a repository may hold so that a Python that starts in it runs it: what `venv` and `pip`
+# import, what the package builds and runs with, and what Python reads by itself.
+IMPORTED = (
+    *("venv", "ensurepip", "pip", "sitecustomize", "usercustomize", "conftest", "setup"),
+    *("hatch_build", "hatchling", "jinja2", "msgspec", "yaml", "markupsafe", "click", "networkx"),
+    *("lab3_usd", "pxr", "multiprocessing", "concurrent", "subprocess", "typing", "encodings"),
+)
+
+
+@dataclass(frozen=True)
+class Runner:
+    """A runner's folder for temporary files, and the environment of its steps."""
+
+    temp: Path
+    environment: Mapping[str, str]
+
+
+def leave_traps(folder: Path) -> None:
+    """Put modules and programs into a folder, each of which writes a file `ran` when it runs."""
+    ran = folder / "ran"
+    trap = f"open({str(ran)!r}, 'a').write(__name__ + ' ')\n"
+    for name in IMPORTED:
+        (folder / f"{name}.py").write_text(trap)
+        package = folder / name
+        package.mkdir()
+        for module in ("__init__", "__main__"):
+            (package / f"{module}.py").write_text(trap)
+    for name in ("python", "python3", "pip", "lab3"):
+        program = folder / "bin" / name
+        program.parent.mkdir(exist_ok=True)
+        program.write_text(f"#!/bin/sh\necho {name} >> {ran}\n")
+        program.chmod(0o755)
+    (folder / "pyvenv.cfg").write_text(f"home = {folder / 'bin'}\n")
+    (folder / "pyproject.toml").write_text(
+        '[build-system]\nrequires = []\nbuild-backend = "setup"\n'
+    )
+    (folder / "setup.cfg").write_text("[install]\nprefix = .\n")
+    (folder / ".python-version").write_text("../../bin\n")
+    (folder / "traps.pth").write_text("import venv\n")
+
+
+@pytest.fixture(scope="module")
+def hostile(repository_of_a_student: Path, tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A wrong stage and a right one, among code that must never run."""
+    folder = tmp_path_factory.mktemp("hostile") / "workspace"
+    shutil.copytree(repository_of_a_student / "my work", folder / "work")
+    shutil.copy(repository_of_a_student / "work" / "Lab3_00_student_start.usda", folder / "work")
+    leave_traps(folder)
+    return folder
+
+
+@pytest.fixture(scope="module")
+def runner(
+    action: dict[str, Any], hostile: Path, tmp_path_factory: pytest.TempPathFactory
+) -> Runner:
+    """A runner that has installed the action out of a clone, with the repository as workspace."""
+    if not (ROOT / ".git").exists():
+        pytest.skip("not a git checkout: what a clone holds is not known")
+    root = tmp_path_factory.mktemp("runner")
+    for name in ("home", "temp", "clone"):
+        (root / name).mkdir()
+    tracked = subprocess.run(
+        ["git", "ls-files", "-z", "--cached", "--others", "--exclude-standard"],  # noqa: S607
+        cwd=ROOT, capture_output=True, text=True, check=True,
+    ).stdout.split("\0")  # fmt: skip
+    for name in filter(None, tracked):
+        if (ROOT / name).is_file():
+            (root / "clone" / name).parent.mkdir(parents=True, exist_ok=True)
+            shutil.copyfile(ROOT / name, root / "clone" / name)
+    # Where packages come from is this machine's; that pip compiles none saves half the time.
+    kept = {name: value for name, value in os.environ.items() if name.startswith("PIP_")}
+    environment = {
+        **kept,
+        "PATH": os.environ["PATH"],
+        "HOME": str(root / "home"),
+        "GITHUB_ACTION_PATH": str(root / "clone"),
+        "PIP_NO_COMPILE": "1",
+    }
+    reached = subprocess.run(
+        [sys.executable, "-m", "pip", "download", "--quiet", "--no-deps", "hatchling==1.33.0"],
+        cwd=root / "home", env=environment, capture_output=True, text=True, check=False,
+    )  # fmt: skip
+    if reached.returncode:
+        pytest.skip("no index of packages is reached")
+    python = f"{sys.base_prefix}/bin/python{sys.version_info[0]}.{sys.version_info[1]}"
+    ran = run_step(action, INSTALL, hostile, root / "temp", environment, python=python)
+    assert (ran.status, ran.errors) == (0, "")
+    return Runner(root / "temp", environment)
+
+
+@pytest.mark.timeout(400)
+@pytest.mark.parametrize("untrusted", ["true", "false"])
+def test_a_fresh_runner_annotates_a_repository_and_runs_none_of_its_code(
+    action: dict[str, Any], runner: Runner, hostile: Path, tmp_path: Path, untrusted: str
+) -> None:
+    build_checkpoint(None, "00", tmp_path / "starter.usda")
+    ran = run_step(
+        action, CHECK, hostile, runner.temp, runner.environment,
+        paths="work", untrusted=untrusted, starter=str(tmp_path / "starter.usda"),
+    )  # fmt: skip
+    found = re.findall(r"^::error file=(.+?),line=\d+.*title=(P\w+)", ran.printed, re.MULTILINE)
+    assert (ran.status, ran.outputs, found) == (
+        1, "status=1\n", [("work/Lab3_01_ros_clock.usda", "P01")],
+    )  # fmt: skip
+    assert "Lab3_01_ros_clock.usda" in ran.summary
+    assert not (hostile / "ran").exists(), (hostile / "ran").read_text()
+
+
+def test_every_step_of_the_action_is_run_here(action: dict[str, Any]) -> None:
+    assert [*steps(action)] == [INSTALL, CHECK]
 
 
 # ---- the example workflow

@@ -30,6 +30,7 @@ _ENVIRONMENT = {
     "TF_ENV_SETTING_ALERTS_ENABLED": "0",  # usd-core would announce the setting
     "PYTHONSAFEPATH": "1",  # modules in the working directory are none of ours
 }
+_IS_SAFE_PATH_KNOWN = sys.version_info >= (3, 11)
 _SECONDS_TO_END = 5.0
 
 
@@ -105,13 +106,21 @@ def _later() -> Iterator[None]:
 
 @contextmanager
 def _inherited() -> Iterator[None]:
-    """Set what programs that start here find: the environment, and that Ctrl-C is not for them."""
+    """Set what programs that start here find: the environment, and that Ctrl-C is not for them.
+
+    Python 3.10 knows no safe path: it starts where only its own modules are, and then goes back.
+    """
     before = {name: os.environ.get(name) for name in _ENVIRONMENT}
     handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     os.environ.update(_ENVIRONMENT)
+    here = "" if _IS_SAFE_PATH_KNOWN else os.getcwd()  # noqa: PTH109 - as the system has it
+    if here:
+        os.chdir(os.path.dirname(os.__file__))  # noqa: PTH120
     try:
         yield
     finally:
+        if here:
+            os.chdir(here)
         signal.signal(signal.SIGINT, handler)
         for name, value in before.items():
             os.environ.pop(name)
