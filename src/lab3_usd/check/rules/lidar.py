@@ -33,9 +33,9 @@ from lab3_usd.check.rules.sensors import (
 )
 from lab3_usd.facts.sensor_values import SensorValues, entries, values_of
 from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
-from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.physics import numbers
-from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import ScanSpec, SensorSpec
@@ -187,8 +187,13 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
     sensors = present_sensors(subject, LIDAR)
     handout = subject.lab.scene.forbidden.lidar.handout
     right = ", ".join(sensor.prim.path for sensor in sensors)
-    for prim in second_lidars(subject):
-        below = (n.path for n in subject.stage.nodes() if is_at_or_below(n.path, prim.path))
+    seconds = second_lidars(subject)
+    covered: dict[str, dict[Place, None]] = {prim.path: {} for prim in seconds}
+    for node in subject.stage.nodes() if seconds else ():
+        for path in upwards(node.path):
+            if path in covered:
+                covered[path][once_there(node.path)] = None
+    for prim in seconds:
         yield Problem(
             prim.path,
             f"{prim.path} is a second lidar beside {right}",
@@ -197,7 +202,7 @@ def second_lidar(subject: StageSubject) -> Iterator[Problem]:
             related=tuple(sensor.place.path for sensor in sensors),
             fix=(RemovePrim(prim.path),),
             unmet=tuple(f"{sensor.group}/only" for sensor in sensors),
-            covers=tuple(dict.fromkeys(map(once_there, below))),
+            covers=tuple(covered[prim.path]),
         )
 
 

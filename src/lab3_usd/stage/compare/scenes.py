@@ -187,10 +187,13 @@ def _count_below(prim: Usd.Prim, terms: _Terms) -> int:
 
 
 def _prim_changes(was: PrimRecord, now: Usd.Prim, terms: _Terms) -> Iterator[StageChange]:
+    differences = [*raw_differences(was, now)]
+    if not differences:  # as most prims have none
+        return
     path = str(now.GetPath())
     part = terms.part(path)
     is_posed = False
-    for difference in raw_differences(was, now):
+    for difference in differences:
         name, before, after = difference.name, difference.was, difference.now
         if difference.kind == "type":
             kinds = (before or "no type", after or "no type")
