@@ -39,6 +39,9 @@ def lint(subject: LintSubject) -> LintResults:
         files = merge_results(run_rule(rule, subject, None) for rule in rules_of("model", "F"))
         stage = merge_results(run_rule(rule, subject, None) for rule in rules_of("lint", "K"))
         own = merge_results(run_rule(rule, subject, None) for rule in own_rules().values())
+        if subject.stage.build is not None:
+            built = merge_results(run_rule(rule, subject, None) for rule in rules_of("script", "B"))
+            stage = merge_results((built, stage))
         stage = merge_results((replace(stage, findings=tuple(fold(stage.findings))), own))
         # What cannot be found leaves the verdict open; whether it should be there is not known.
         notes = replace(
@@ -109,7 +112,8 @@ def _gaps(
             reasons = [f"{asset} cannot be found" for asset in assets]
             reasons += ["unknown types " + ", ".join(types)] if types else []
             yield f"no node of {graph} could be judged: {'; '.join(reasons)}"
-    missing_parts = [missing for missing in stage.unresolved if missing.kind != "sublayer"]
+    others = ("sublayer", "script")
+    missing_parts = [missing for missing in stage.unresolved if missing.kind not in others]
     if not graphs and missing_parts and not any(graph.active for graph in subject.graphs()):
         assets = sorted({missing.asset for missing in missing_parts})
         more = f" and {len(assets) - 1} more" if len(assets) > 1 else ""

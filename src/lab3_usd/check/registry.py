@@ -40,6 +40,7 @@ Scope = Literal[
     "submission",
     "file",
     "own",
+    "script",
 ]
 Check = TypeVar("Check", bound=Callable[..., Iterator[Problem]])
 
@@ -63,6 +64,7 @@ FAMILIES = {
     "X": "submission",
     "Z": "unopened",
     "K": "lint",
+    "B": "scripts",
     "UV": "native",
 }
 # The families that judge what the starter brings: it excuses the faults that it has itself.
@@ -120,6 +122,7 @@ MODULES = {
         "lint_sensor_frames",
         "lint_ownership",
     ),
+    "B": ("scripts",),
     "UV": ("native",),
 }
 

@@ -146,6 +146,7 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         supplied=rule.judges_supplied,
         counted=rule.counted,
         identity=problem.identity,
+        span=problem.span,
     )
 
 

@@ -64,7 +64,7 @@ def context_inputs(stage: StageModel) -> tuple[ContextInput, ...]:
     for node in live.values():
         if node.type is not None and port in node.type.ports:
             contexts = tuple(source for source, _ in live_sources(node, port, live))
-            is_set = bool(node.sources(port) or node.value(port))
+            is_set = bool(node.sources(port) or node.value(port)) or node.is_unknown(port)
             found.append(ContextInput(node, port, contexts, is_set))
     return tuple(found)
 

@@ -31,7 +31,7 @@ from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.messages import NAMED
 from lab3_usd.isaac.node_types import INPUT, KIND, NodeType
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
-from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, Unknown, once_per_stage
 
 PROFILE = "inputs:qosProfile"
 QUEUE = "inputs:queueSize"
@@ -262,10 +262,8 @@ def _endpoint(
     is_sure = certain is running or _is_at_work(node, port, live, certain)
     frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
     return Endpoint(
-        topic=resolve(namespace_of(node, stage, live), written)
-        if isinstance(written, str)
-        else None,
-        written="" if written is None else str(written),
+        topic=full_topic(node, port, stage, live),
+        written=display_unknown(node, port) if written is None else str(written),
         type=message_type(node, kind, port, live),
         direction=_DIRECTIONS[kind.role],
         node=node,
@@ -304,6 +302,22 @@ def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
     is_fed_otherwise = node.has_port(_VIEWPORT) and _is_fed(node, _VIEWPORT, live)
     has_sensor = not needs or is_fed_otherwise or _fed_by_sensor(node, product, running)
     return node.path in running and is_on and has_sensor
+
+
+def full_topic(node: Node, port: str, stage: StageModel, live: Nodes) -> str | None:
+    """Return the topic of a node with its namespace, None where it is not valid or not known."""
+    written = effective_value(node, port, live)
+    is_known = not node.is_unknown(INPUT + stage.platform.ros.namespace)
+    if not isinstance(written, str) or not is_known:
+        return None
+    return resolve(namespace_of(node, stage, live), written)
+
+
+def display_unknown(node: Node, port: str) -> str:
+    """Return what a script calls a value that is not known before it runs, '' for none."""
+    state = node.state(port)
+    value = None if state is None else state.value
+    return f"{{{value.why}}}" if isinstance(value, Unknown) else ""
 
 
 def namespace_of(node: Node, stage: StageModel, live: Nodes) -> str:
@@ -383,5 +397,5 @@ def _is_fed(node: Node, port: str, live: Nodes) -> bool:
 def _fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
     """Whether a render product reaches the node: from a node that runs, or by name."""
     if not node.sources(port):
-        return bool(node.value(port))
+        return bool(node.value(port)) or node.is_unknown(port)
     return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))

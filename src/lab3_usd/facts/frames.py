@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.facts.arrays import listed, listed_names
 from lab3_usd.facts.domains import Domain, domain_of
-from lab3_usd.facts.endpoints import message_type, moving_prims, namespace_of, resolve
+from lab3_usd.facts.endpoints import full_topic, message_type, moving_prims
 from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
@@ -270,10 +270,7 @@ def _transform_publishers(stage: StageModel) -> tuple[tuple[Node, str], ...]:
         message = message_type(node, kind, kind.topics[0], live)
         if kind.tf is None and message not in stage.platform.transform_messages:
             continue
-        written = effective_value(node, kind.topics[0], live)
-        topic = (
-            resolve(namespace_of(node, stage, live), written) if isinstance(written, str) else None
-        )
+        topic = full_topic(node, kind.topics[0], stage, live)
         if topic is not None:
             senders.append((node, topic))
     return tuple(senders)

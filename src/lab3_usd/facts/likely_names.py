@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Collection
+from collections.abc import Collection, Mapping
 from functools import cache
 
 from lab3_usd.isaac.platform import Platform
@@ -45,20 +45,35 @@ def _has_other_word(written: str, near: str) -> bool:
 def likely_type(written: str, known: Collection[str]) -> str | None:
     """Return the node type that was likely meant: of the same last name, or of one alike.
 
-    One of the same last name that somebody else publishes is a type of its own, and so is one that
-    differs in a number.
+    One of the same last name of an extension that is not known is a type of its own, and so is one
+    that differs in a number.
     """
     *before, last = written.split(".")
-    parts = {part for name in known for part in name.split(".")[:-1]}
     last = last.removeprefix("Ogn")
     same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
-    if len(same) == 1 and last and (not before or before[0] in parts):
+    if len(same) == 1 and last and _is_known_publisher(before, same[0], known):
         return same[0]
     near = _of_like_length(written, known, _NEAR_TYPE)
     if not near:
         return None
     letters = re.sub(_NUMBER, "", written)  # of any text, which is not kept
     return _near(written, [name for name in near if _letters(name) != letters], _NEAR_TYPE)
+
+
+def _is_known_publisher(before: list[str], meant: str, known: Collection[str]) -> bool:
+    """Whether a name has the extension of the type that is meant, or another one that is known.
+
+    Of an extension whose types are only documented there may be more.
+    """
+    right = meant.split(".")[:-1]
+    if not before or before[: len(right)][:2] == right[:2]:
+        return True
+    if before[0] != right[0]:
+        return before[0] in right
+    start = ".".join(before[:2]) + "."
+    same = [name for name in known if name.startswith(start)]
+    kinds = known if isinstance(known, Mapping) else {}
+    return bool(same) and not any(kinds[name].is_documented for name in same if name in kinds)
 
 
 def is_unregistered(name: str, platform: Platform) -> bool:

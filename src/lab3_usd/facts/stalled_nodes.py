@@ -29,7 +29,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import number
-from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
+from lab3_usd.model.stage import GraphModel, Node, StageModel, Unknown, once_per_stage
 
 
 def needs_of(node: Node, platform: Platform, live: Nodes) -> Iterator[Need]:
@@ -43,6 +43,8 @@ def needs_of(node: Node, platform: Platform, live: Nodes) -> Iterator[Need]:
         if need.when_wired and not node.sources(INPUT + need.when_wired):
             continue
         if need.unless and _is_on(node, need.unless):
+            continue
+        if any(node.is_unknown(INPUT + name) for name in (need.when, need.unless) if name):
             continue
         yield need
 
@@ -114,9 +116,11 @@ def is_given(node: Node, name: str, live: Nodes) -> bool:
     port = INPUT + name
     state = node.state(port)
     if state is not None and (state.sources or state.targets):
-        value = _fixed(node, port, live)
-        return value is None or not is_nothing(value)
+        fixed = _fixed(node, port, live)
+        return fixed is None or not is_nothing(fixed)
     value = None if state is None else state.value
+    if isinstance(value, Unknown):
+        return True
     if value is None or is_nothing(value):
         return False
     known = None if node.type is None else node.type.port(port)
@@ -130,8 +134,8 @@ def _fixed(node: Node, port: str, live: Nodes) -> Value | None:
     return None if is_dead else effective_value(node, port, live)
 
 
-def is_nothing(value: Value) -> bool:
-    """Whether a value is 0, false, an empty text or array, or made of zeros."""
+def is_nothing(value: Value | Unknown) -> bool:
+    """Whether a value is known to be 0, false, an empty text or array, or made of zeros."""
     if isinstance(value, tuple):
         return all(is_nothing(item) for item in value)
     return not value
@@ -277,6 +281,7 @@ def lacks_time_step(live: Mapping[str, Node], node: Node) -> bool:
     for step in node.type.time_step if node.type is not None else ():
         seconds = effective_value(node, step, live)
         length = 0.0 if seconds is None else number(seconds)
-        if (seconds is None and node.sources(step)) or (length is not None and length > 0):
+        is_open = bool(node.sources(step)) or node.is_unknown(step)
+        if (seconds is None and is_open) or (length is not None and length > 0):
             return False
     return node.type is not None and bool(node.type.time_step)

@@ -158,6 +158,24 @@ class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
         return next((api for api in apis if api in self.apis), None)
 
 
+class Building(Struct, frozen=True, forbid_unknown_fields=True):
+    """What scripts rely on that build graphs.
+
+    `module` has the controller. `evaluator` is that of a graph for which none is named, `compound`
+    the type of a node that is described by a dictionary, `target` the relationship of targets for
+    which none is named. `stages` and `modes` are how files write what scripts name so. After the
+    release `old_names_until`, type names from before are none.
+    """
+
+    module: str
+    evaluator: str
+    compound: str
+    target: str
+    old_names_until: str
+    stages: Mapping[str, str]
+    modes: Mapping[str, str]
+
+
 class SingleSignal(Struct, frozen=True, forbid_unknown_fields=True):
     """Outputs that signal once, unless a wire reaches `again`.
 

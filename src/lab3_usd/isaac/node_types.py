@@ -69,13 +69,13 @@ class Port(Struct, frozen=True):
 def can_connect(source: Port, target: Port) -> bool:
     """Whether a wire can run from `source` to `target`.
 
-    Signals go to signals, relationships are never wired, unions take any data, other ports their
+    Signals go to signals, targets to targets, unions take any data, other ports their
     own type or a number of the same shape.
     """
     if source.is_execution or target.is_execution:
         return source.is_execution and target.is_execution
     if source.is_target or target.is_target:
-        return False
+        return source.is_target and target.is_target
     types = {source.ogn_type, target.ogn_type}
     if source.is_union or target.is_union or len(types) == 1 or types == {"string", "token"}:
         return True

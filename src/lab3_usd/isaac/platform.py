@@ -10,6 +10,7 @@ from msgspec.structs import replace
 
 from lab3_usd.isaac.behaviour import (
     BodyOf,
+    Building,
     JointsOf,
     Need,
     QuantityOf,
@@ -84,6 +85,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     passing: frozenset[str]
     gates: Mapping[str, str]
     scripts: Scripts
+    building: Building
     world_frame: str
     writers: Mapping[str, WriterPorts]
     appearance: tuple[str, ...]

@@ -12,9 +12,10 @@ from typing import TYPE_CHECKING, Literal
 from msgspec import Struct, field
 
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.build import Span
 from lab3_usd.model.changes import Edit, Repair
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import Node, UnresolvedAsset
+from lab3_usd.model.stage import Node, Unknown, UnresolvedAsset
 
 if TYPE_CHECKING:
     from lab3_usd.spec.graph import NodeSpec
@@ -53,6 +54,7 @@ class Problem(Struct, frozen=True):
     reported, and undoing it is the repair. `if_supplied` is the hint of
     the warning that stays where the starter has the problem itself. `identity` says which problem
     of its rule it is where its site does not: one of the whole stage is shown at some node of it.
+    `span` is the part of the script that it is about, where its site does not tell.
     """
 
     prim: str
@@ -75,6 +77,7 @@ class Problem(Struct, frozen=True):
     if_supplied: str = ""
     rests_on: UnresolvedAsset | None = None
     identity: str | None = None
+    span: Span | None = None
 
 
 class Finding(Struct, frozen=True):
@@ -109,6 +112,7 @@ class Finding(Struct, frozen=True):
     supplied: bool = False
     counted: tuple[str, str] = ("", "")
     identity: str | None = None
+    span: Span | None = None
 
 
 Site = tuple[str, str, str | None]
@@ -205,18 +209,28 @@ class NotJudged(Struct, frozen=True):
     asset: str
 
 
+class BuiltParts(Struct, frozen=True):
+    """What was read of the graphs that a script builds, and what is not known before it runs."""
+
+    graphs: int = 0
+    wires: int = 0
+    values: int = 0
+    unknown: tuple[Unknown, ...] = ()
+
+
 class NodeCoverage(Struct, frozen=True):
     """How many nodes a stage without a spec has, and which of them could not be judged.
 
     `waiting` counts nodes that the stage only overrides, by the missing asset that would define
     them; `unknown` nodes of unknown types, by type; `partly` judged nodes at which a rule left
-    something open, by asset.
+    something open, by asset. `built` is what a script builds beside nodes, None for a stage.
     """
 
     nodes: int = 0
     waiting: dict[str, int] = {}
     unknown: dict[str, int] = {}
     partly: dict[str, int] = {}
+    built: BuiltParts | None = None
 
     @property
     def judged(self) -> int:
@@ -247,6 +261,13 @@ class StageResult(Struct, frozen=True):
     not_judged: tuple[NotJudged, ...] = ()
     coverage: NodeCoverage | None = None
     gaps: tuple[str, ...] = ()
+
+    @property
+    def is_beside_the_point(self) -> bool:
+        """Whether it is a script that builds no graph, which is no fault."""
+        built = None if self.coverage is None else self.coverage.built
+        is_empty = built is not None and not built.graphs and not self.findings
+        return is_empty and len(self.gaps) == 1 and self.verdict == "not judged"
 
 
 class Report(Struct, frozen=True):
@@ -325,10 +346,12 @@ MOST_ITEMS = 12  # of a list; whoever reads a message wants no more
 MOST_LETTERS = 200
 
 
-def display(value: Value | None) -> str:
+def display(value: Value | Unknown | None) -> str:
     """Return a value as a person would read it in the Property panel, in one line."""
     if value is None:
         return "not set"
+    if isinstance(value, Unknown):
+        return f"{{{value.why}}}"
     if isinstance(value, bool):
         return str(value)
     if isinstance(value, float):

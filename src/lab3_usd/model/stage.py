@@ -13,6 +13,7 @@ from msgspec.structs import force_setattr
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, are_alike
+from lab3_usd.model.build import Build
 from lab3_usd.model.prims import (
     Colliders,
     NameFilter,
@@ -61,17 +62,28 @@ def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
     return not after
 
 
+class Unknown(Struct, frozen=True, gc=False):
+    """A value that a script sets and that is not known before it runs: what it calls it, and where.
+
+    `why` is the expression in short, as `args.topic`; `line` counts from 1.
+    """
+
+    why: str
+    line: int
+
+
 class PortState(Struct, frozen=True, gc=False):
     """One port as the composed stage holds it.
 
-    `value` is the authored value, None where the port was left alone; `usd_type` the declared
-    type of a port with a value (`rel` for a relationship). `sources` are the full property paths
-    of its connections, `targets` the prim paths of a relationship.
+    `value` is the authored value, None where the port was left alone, `Unknown` where it has one
+    that nobody can tell; `usd_type` the declared type of a port with a value (`rel` for a
+    relationship). `sources` are the full property paths of its connections, `targets` the prim
+    paths of a relationship.
     """
 
     name: str
     usd_type: str = ""
-    value: Value | None = None
+    value: Value | Unknown | None = None
     sources: tuple[str, ...] = ()
     targets: tuple[str, ...] = ()
 
@@ -137,12 +149,17 @@ class Node(Struct, frozen=True, gc=False):
     def value(self, port: str) -> Value | None:
         """Return the effective value: the authored one, else the default of Isaac Sim 6.0.1.
 
-        A value of a type that the port cannot have is ignored.
+        A value of a type that the port cannot have is ignored. One that is unknown is None.
         """
         found, kind = self.ports.get(port), self.type
         if found is not None and found.value is not None and not self.wrong_type(port):
-            return found.value
+            return None if isinstance(found.value, Unknown) else found.value
         return None if kind is None else kind.default(port, self.version)
+
+    def is_unknown(self, port: str) -> bool:
+        """Whether an input has a value that nobody can tell."""
+        found = self.ports.get(port)
+        return found is not None and isinstance(found.value, Unknown)
 
     def wrong_type(self, port: str) -> str | None:
         """Return the type that a file declares for an input whose values it cannot have, else None.
@@ -219,12 +236,13 @@ class UnresolvedAsset(Struct, frozen=True):
     """An asset that the stage asks for and that cannot be found from here.
 
     `prim` is where it would bring something: '/' for a sublayer of the stage itself, the prim that
-    refers to the asset for a sublayer of an asset. `layer` is the layer that asks for it.
+    refers to the asset for a sublayer of an asset. `layer` is the layer that asks for it. What only
+    a run of a `script` tells is one as well: `asset` is what the script calls it.
     """
 
     prim: str
     asset: str
-    kind: Literal["reference", "payload", "sublayer", "sublayer of an asset"]
+    kind: Literal["reference", "payload", "sublayer", "sublayer of an asset", "script"]
     layer: str = ""
 
 
@@ -272,6 +290,7 @@ class StageModel(Struct, frozen=True, eq=False):
     hold the model, while it is judged. `instances` are the paths of the outermost instances,
     `products` the render products that nodes name, by path. `overridden` are prims that look like
     nodes, which the stage only overrides; they are read where an asset is missing.
+    `build` is how a script made the stage, None for a file.
     """
 
     platform: Platform
@@ -291,6 +310,7 @@ class StageModel(Struct, frozen=True, eq=False):
     scripts: tuple[Script, ...] = ()
     moving: tuple[AnimatedAttribute, ...] = ()
     products: Mapping[str, RenderProduct] = field(default_factory=dict)
+    build: Build | None = None
     derived: dict[Hashable, Any] = field(default_factory=dict)
     judged: dict[Hashable, Any] = field(default_factory=dict)
 

@@ -25,6 +25,7 @@ from lab3_usd.pipeline.results import (
     Results,
     Target,
     crashed,
+    is_script_file,
     is_stage_file,
     located,
     unreadable,
@@ -75,6 +76,8 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
         UsageError: the release is not known, or the installed usd-core has no validators.
     """
     settings = settings or LintSettings()
+    if is_script_file(str(path)):
+        return _linted_script(path, settings)
     from lab3_usd.stage.read.opening import kept_open
 
     with kept_open():  # so that nothing is asked of the stage twice
@@ -88,6 +91,13 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
 
             result = without_ignored(result, scopes_run(starter=None, native=settings.native))
     return result
+
+
+def _linted_script(path: str | Path, settings: LintSettings) -> StageResult:
+    from lab3_usd.pipeline.scripts import ScriptSettings, lint_script
+
+    platform = lint_platform(settings.release)
+    return lint_script(path, ScriptSettings(platform, None, heeds_ignores=settings.heeds_ignores))
 
 
 def _linted(path: str | Path, release: str) -> StageResult:

@@ -26,11 +26,17 @@ from lab3_usd.model.finding import (
 
 UNREADABLE, UNUSED = "F01", "F06"
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
+SCRIPT_ENDINGS = (".py", ".ipynb")
 
 
 def is_stage_file(name: str) -> bool:
     """Whether a file of this name in a folder is a stage; hidden files are left by programs."""
     return not name.startswith(".") and name.lower().endswith(STAGE_ENDINGS)
+
+
+def is_script_file(name: str) -> bool:
+    """Whether a file of this name is a script or a notebook; hidden files are left by programs."""
+    return not Path(name).name.startswith(".") and name.endswith(SCRIPT_ENDINGS)
 
 
 _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint", "own"})
@@ -83,7 +89,7 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
         ]
         is_for_others = named and not any(rule.scope in scopes for rule in named)
         if note not in used and not is_for_others:
-            unused = _unused(note)
+            unused = unused_note(note)
             kept += unused if note.written else located(list(unused), path, stage)
     return with_findings(result, kept)
 
@@ -109,7 +115,8 @@ def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[
     )
 
 
-def _unused(note: IgnoreNote) -> Iterator[Finding]:
+def unused_note(note: IgnoreNote) -> Iterator[Finding]:
+    """Yield the finding about a note that ignores nothing."""
     why = "there is no such finding here"
     if note.misspelt:
         why = "a note begins its comment, as in # lab3: ignore[P01]"

@@ -11,9 +11,10 @@ from lab3_usd.check.repairs import VERSION, other_names
 from lab3_usd.facts.execution_order import live_nodes, unevaluated_by
 from lab3_usd.facts.stalled_nodes import has_side_effects, stopping_limits, unknown_limits
 from lab3_usd.facts.stuck_nodes import is_made_later
+from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import RemovePrim, SetValue
 from lab3_usd.model.finding import Problem, display, node_title, short_source
-from lab3_usd.model.stage import DEACTIVATED, OVER, absence_reason, nodes_outside_graphs
+from lab3_usd.model.stage import DEACTIVATED, OVER, GraphModel, absence_reason, nodes_outside_graphs
 
 
 @rule("K07", "instanced-graph", scope="lint", severity="warning")
@@ -89,7 +90,8 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
 
     Why: Isaac Sim 4.5 and later rename types from before when they open the stage, which an older
     release saved with other defaults. An earlier release does not know the names of a later one.
-    There is one finding for the graph and the release.
+    A script that creates a node by an old name stops there: names are renamed only when a stage is
+    opened. There is one finding for the graph and the release.
 
     Fix: open the stage in the release that you use, look at the graph, and save it again.
 
@@ -104,8 +106,20 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
                 expected=other.known,
                 actual=other.written,
                 related=tuple(node.path for node in other.nodes),
+                severity="error" if _stops_script(graph, subject) else None,
                 fix=other.edits,
             )
+
+
+def _stops_script(graph: GraphModel, subject: GraphsSubject) -> bool:
+    """Whether a script makes nodes of old names, which the release does not have any more."""
+    until = subject.platform.building.old_names_until
+    is_later = order(subject.platform.release) > order(until)
+    is_old = any(
+        node.written_type and node.written_type not in subject.platform.names.types
+        for node in graph.nodes
+    )
+    return subject.stage.build is not None and is_later and is_old
 
 
 @rule(

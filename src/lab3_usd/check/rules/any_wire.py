@@ -196,7 +196,7 @@ def _dead_wire(fault: WireFault, wire: Connection, subject: GraphsSubject) -> Pr
         property=wire.port,
         expected=fault.expected,
         actual=wire.path,
-        severity="warning" if fault.kind == "leftover" else None,
+        severity="warning" if fault.kind == "leftover" and subject.stage.build is None else None,
         assumes=((wire.node.path, wire.port),) if fault.wire is not None else (),
         fix=_rewiring(wire) if is_fed else (),
     )

@@ -52,7 +52,7 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
     """
     users: dict[tuple[str, str], list[str]] = {}
     for missing in subject.stage.unresolved:
-        if missing.kind != "sublayer":
+        if missing.kind not in ("sublayer", "script"):
             of = PurePath(missing.layer).name if missing.kind == "sublayer of an asset" else ""
             users.setdefault((missing.asset, of), []).append(missing.prim)
     for (asset, of), (first, *others) in users.items():

@@ -12,6 +12,7 @@ from msgspec import Struct
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.behaviour import (
     BodyOf,
+    Building,
     JointsOf,
     Need,
     QuantityOf,
@@ -55,6 +56,7 @@ class _SystemFile(Struct, forbid_unknown_fields=True):
     passing: frozenset[str]
     gates: dict[str, str]
     scripts: Scripts
+    building: Building
     world_frame: str
     graph: GraphEntry
     writers: dict[str, WriterPorts]
@@ -198,6 +200,7 @@ def assemble_platform(folder: Path) -> Platform:
         passing=system.passing,
         gates=system.gates,
         scripts=system.scripts,
+        building=system.building,
         world_frame=system.world_frame,
         writers=system.writers,
         appearance=system.appearance,

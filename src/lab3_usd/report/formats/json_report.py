@@ -91,13 +91,18 @@ def _requirement_json(requirement: Requirement) -> Json:
 
 
 def _nodes_json(coverage: NodeCoverage) -> Json:
-    return {
+    built = coverage.built
+    document: Json = {
         "total": coverage.nodes,
         "judged": coverage.judged,
         "waiting": dict(sorted(coverage.waiting.items())),
         "unknown_types": dict(sorted(coverage.unknown.items())),
         "partly": dict(sorted(coverage.partly.items())),
     }
+    if built is not None:
+        document |= {"graphs": built.graphs, "wires": built.wires, "values": built.values}
+        document["not_known"] = [asdict(each) for each in built.unknown]
+    return document
 
 
 def error_report(message: str, kind: Literal["usage", "crash"]) -> Json:

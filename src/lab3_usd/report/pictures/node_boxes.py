@@ -13,7 +13,7 @@ from lab3_usd.isaac.node_types import INPUT, NodeType, Port
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import SEVERITIES, Finding
-from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.model.stage import GraphModel, Node, Unknown
 from lab3_usd.report.picture.model import (
     Box,
     Curve,
@@ -293,8 +293,10 @@ def short(name: str) -> str:
     return name.partition(":")[2] or name
 
 
-def value_text(value: Value) -> str:
+def value_text(value: Value | Unknown) -> str:
     """Write a value as short as it stays readable."""
+    if isinstance(value, Unknown):
+        return f"{{{value.why}}}"
     if isinstance(value, bool):
         return str(value)
     if isinstance(value, float):

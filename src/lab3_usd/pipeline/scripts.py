@@ -1,0 +1,269 @@
+"""Lints one script: reads the graphs that it builds, runs the rules, and places the findings.
+
+A script builds different graphs on different ways through it. What is found on one way counts if
+it is found on each other way that comes by the same lines.
+"""
+
+from __future__ import annotations
+
+import re
+from collections import Counter
+from collections.abc import Iterable, Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.registry import rule_names
+from lab3_usd.check.rule_runs import RuleResults, merge_results
+from lab3_usd.errors import StageError
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.build import Span
+from lab3_usd.model.finding import (
+    BuiltParts,
+    Finding,
+    IgnoreNote,
+    NodeCoverage,
+    Score,
+    StageResult,
+    is_among,
+    ordered,
+)
+from lab3_usd.pipeline.results import unreadable, unused_note, verdict_of
+
+if TYPE_CHECKING:
+    from lab3_usd.model.stage import StageModel
+    from lab3_usd.scripts.reader import BuiltStage, ReadScript
+    from lab3_usd.scripts.sources import Source
+
+NO_GRAPH = "it builds no graph"
+_STOPS = ("B", "K21", "K30", "K31")  # what an error of a script is that a handler may expect
+_NOTE = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\n]*)\]|[ \t]+([\w ,-]+))?")
+
+
+class ScriptSettings(Struct, frozen=True):
+    """How to judge a script: by which release, over which scene, and whether its notes count."""
+
+    platform: Platform
+    scene: StageModel | None = None
+    heeds_ignores: bool = False
+
+
+def lint_script(path: str | Path, settings: ScriptSettings) -> StageResult:
+    """Judge the graphs that a script or a notebook builds.
+
+    A script that builds none is not judged, and no fault.
+    """
+    from lab3_usd.scripts.reader import read_script
+
+    try:
+        script = read_script(Path(path), settings.platform, settings.scene)
+    except StageError as error:
+        return unreadable(str(path), None, error)
+    if script is None:
+        parts = BuiltParts()
+        coverage = NodeCoverage(built=parts)
+        return StageResult(
+            str(path), None, "not judged", Score(0.0, 0.0), coverage=coverage, gaps=(NO_GRAPH,)
+        )
+    return _judged(str(path), script, settings)
+
+
+class _Placed(Struct, frozen=True):
+    """A finding and the part of the script at which it stands."""
+
+    finding: Finding
+    span: Span | None
+
+
+def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageResult:
+    from lab3_usd.check.lint import lint
+    from lab3_usd.check.match.rule_inputs import LintSubject
+
+    judged = [lint(LintSubject(stage.model)) for stage in script.stages]
+    placed = [
+        [_Placed(finding, _span(finding, stage)) for finding in each.results.findings]
+        for stage, each in zip(script.stages, judged, strict=True)
+    ]
+    kept = _told_once(_certain(script.stages, placed))
+    findings = [_in_file(each, path, script.source) for each in kept]
+    if settings.heeds_ignores:
+        findings = list(
+            _without_ignored(findings, [each.span for each in kept], path, script.source)
+        )
+    results: RuleResults = merge_results(each.results for each in judged)
+    gaps = [gap for each in judged for gap in each.results.gaps] if not script.nodes else []
+    if not script.nodes:
+        gaps += [
+            f"no node could be read: {each.why} in line {each.line} is not known before it runs"
+            for each in script.unknown
+        ]
+    gaps += [f"reading ended in line {line}: it takes too many steps" for line in script.stopped]
+    every = [_gaps_of_all([each.results.gaps for each in judged])] if judged else []
+    gaps += [gap for found in every for gap in found]
+    findings = list(ordered(findings))
+    crashes = tuple(dict.fromkeys(results.crashes))
+    gaps = list(dict.fromkeys(gaps))
+    return StageResult(
+        path=path,
+        checkpoint=None,
+        verdict=verdict_of(findings, crashes, gaps),
+        score=Score(0.0, 0.0),
+        findings=tuple(findings),
+        crashes=crashes,
+        not_judged=tuple(dict.fromkeys(results.not_judged)),
+        coverage=_coverage(script, [each.coverage for each in judged]),
+        gaps=tuple(gaps),
+    )
+
+
+def _gaps_of_all(gaps: Sequence[Sequence[str]]) -> list[str]:
+    """Return the gaps of every way: where one way can be judged, something was."""
+    return [gap for gap in gaps[0] if all(gap in others for others in gaps[1:])]
+
+
+def _coverage(script: ReadScript, parts: Sequence[NodeCoverage]) -> NodeCoverage:
+    """Return how much of the script was read and judged, all ways together."""
+
+    def most(counts: Iterable[dict[str, int]]) -> dict[str, int]:
+        found: Counter[str] = Counter()
+        for each in counts:
+            found |= Counter(each)
+        return dict(found)
+
+    return NodeCoverage(
+        nodes=script.nodes,
+        waiting={},
+        unknown=most(part.unknown for part in parts),
+        partly=most(part.partly for part in parts),
+        built=BuiltParts(script.graphs, script.wires, script.values, script.unknown),
+    )
+
+
+def _span(finding: Finding, stage: BuiltStage) -> Span | None:
+    """Return the part of the script that a finding is about: its wire or value, else its node."""
+    if finding.span is not None:
+        return finding.span
+    build = stage.model.build
+    places = {} if build is None else build.places
+    prim, name = finding.prim, finding.property
+    asked: list[tuple[str, str | None, str | None]]
+    asked = [(prim, name, finding.actual), (prim, name, None)] if name else []
+    asked += (
+        [(node, None, None) for node in finding.related]
+        if name is None and (prim, None, None) in places and prim in stage.world.graphs
+        else []
+    )
+    asked.append((prim, None, None))
+    above = prim
+    while above:
+        above = above.rpartition("/")[0]
+        asked.append((above, None, None))
+    asked += [(node, None, None) for node in finding.related]
+    return next((places[key] for key in asked if key in places), None)
+
+
+def _certain(stages: Sequence[BuiltStage], placed: Sequence[list[_Placed]]) -> Iterator[_Placed]:
+    """Yield what is found on every way that comes by the same lines."""
+    keys = [{_key(each) for each in found} for found in placed]
+    for number, (stage, found) in enumerate(zip(stages, placed, strict=True)):
+        others = [other for other, each in enumerate(stages) if other != number]
+        for each in found:
+            spans = {span for span in (each.span, *_related(each.finding, stage)) if span}
+            required = [other for other in others if spans <= _visited(stages[other])]
+            if all(_key(each) in keys[other] for other in required) and not _is_expected(
+                each, stages
+            ):
+                yield each
+
+
+def _key(placed: _Placed) -> tuple[str, str, str | None, Span | None]:
+    return placed.finding.rule, placed.finding.prim, placed.finding.property, placed.span
+
+
+def _related(finding: Finding, stage: BuiltStage) -> Iterator[Span]:
+    places = {} if stage.model.build is None else stage.model.build.places
+    for prim in finding.related:
+        if (prim, None, None) in places:
+            yield places[prim, None, None]
+
+
+def _visited(stage: BuiltStage) -> set[Span]:
+    graphs = (graph.at for graph in stage.world.graphs.values())
+    return {*stage.world.places, *graphs, *(node.at for node in stage.world.nodes.values())}
+
+
+def _is_expected(placed: _Placed, stages: Sequence[BuiltStage]) -> bool:
+    """Whether a handler of the script is there for what goes wrong at this line."""
+    if placed.span is None or not is_among(placed.finding.rule, _STOPS):
+        return False
+    line = placed.span[0]
+    return any(a <= line < b for stage in stages for a, b in stage.world.guarded)
+
+
+def _told_once(placed: Iterable[_Placed]) -> list[_Placed]:
+    """Return each finding of a line once, however often the line is come by."""
+    found: dict[tuple[object, ...], _Placed] = {}
+    for each in placed:
+        place = each.span or each.finding.prim
+        key = (each.finding.rule, place, each.finding.property)
+        known = found.setdefault(key, each)
+        prim = each.finding.prim
+        if known.finding.prim != prim and prim not in known.finding.related:
+            related = (*known.finding.related, prim)
+            found[key] = _Placed(replace(known.finding, related=related), known.span)
+    return list(found.values())
+
+
+def _in_file(placed: _Placed, path: str, source: Source) -> Finding:
+    """Return a finding with its line and column in the file; of a notebook with its cell."""
+    finding = placed.finding
+    if placed.span is None:
+        return replace(finding, layer=path)
+    line, offset = placed.span[0], placed.span[1]
+    cell = source.cell(line)
+    message = f"{finding.message} ({cell})" if cell else finding.message
+    column = None if cell else source.column(line, offset)
+    return replace(finding, layer=path, line=source.line(line), column=column, message=message)
+
+
+def _without_ignored(
+    findings: Sequence[Finding], spans: Sequence[Span | None], path: str, source: Source
+) -> Iterator[Finding]:
+    """Yield the findings that no comment ignores, and the comments that ignore nothing.
+
+    A comment is about what stands in its line, or alone on a line about what begins in the next.
+    """
+    notes = list(_notes(source, path))
+    used: set[IgnoreNote] = set()
+    for finding, span in zip(findings, spans, strict=True):
+        covering = {
+            note
+            for note in notes
+            if span and is_among(finding.rule, (note.rule,)) and _is_about(note, span)
+        }
+        used |= covering
+        if not covering:
+            yield finding
+    for note in notes:
+        if note not in used:
+            yield from unused_note(replace(note, written=source.line(note.written or 1)))
+
+
+def _is_about(note: IgnoreNote, span: Span) -> bool:
+    return span[0] == note.line or span[0] <= (note.written or 0) <= span[2]
+
+
+def _notes(source: Source, path: str) -> Iterator[IgnoreNote]:
+    for number, line in enumerate(source.lines, 1):
+        found = _NOTE.search(line) if "lab3" in line else None
+        if found is None:
+            continue
+        about = number
+        while about <= len(source.lines) and not source.lines[about - 1].split("#")[0].strip():
+            about += 1
+        names = (found[1] or found[2] or "").split("--")[0]
+        for name in [part for part in re.split(r"[ ,]+", names.strip()) if part] or [""]:
+            rule = rule_names().get(name.lower(), name.upper())
+            yield IgnoreNote(rule, layer=path, line=about, written=number)

@@ -1,0 +1,1 @@
+"""Reads the graphs that Python scripts and notebooks build, without running them."""

@@ -1,0 +1,304 @@
+"""The functions by which scripts build graphs: of controllers, of their objects, of prims.
+
+Facts: OmniGraph's own Python, and the helpers of Isaac Sim's core nodes
+(python/scripts/utils.py:24-41).
+"""
+
+from __future__ import annotations
+
+import ast
+
+from lab3_usd.model.stage import Unknown
+from lab3_usd.scripts import omnigraph
+from lab3_usd.scripts.lookups import Edit, Names, find_node, path_of
+from lab3_usd.scripts.run import Arguments, Run
+from lab3_usd.scripts.values import (
+    At,
+    AttributeHandle,
+    Controller,
+    External,
+    GraphHandle,
+    Handles,
+    Items,
+    Method,
+    NodeHandle,
+    PrimHandle,
+    Text,
+    Value,
+    as_text,
+    lifted,
+    place,
+    unknown,
+)
+
+_CLASSES = ("Controller", "GraphController", "NodeController", "ObjectLookup", "DataView")
+_NEW_STAGES = (
+    "new_stage",
+    "new_stage_async",
+    "create_new_stage",
+    "create_new_stage_async",
+    "open_stage",
+    "open_stage_async",
+)
+_GRAPHS = ("graph", "get_graph_by_path")
+_NODES = ("node", "get_node_by_path")
+_PRIMS = ("GetPrimAtPath", "get_prim_at_path", "prim", "DefinePrim", "OverridePrim")
+_VALID = ("IsValid", "is_valid", "IsDefined")
+_TARGETS = ("set_target_prims", "set_targets", "add_target_prims")
+NONE_OF_THESE = object()  # what a call gives that is none of these functions
+
+
+def call_api(function: Value, name: str, given: Arguments, node: ast.AST, run: Run) -> Value:
+    """Do what a function of OmniGraph or of USD does; NONE_OF_THESE for another function."""
+    if not isinstance(node, ast.Call):
+        return NONE_OF_THESE
+    if isinstance(function, External) and function.name.startswith(run.building.module):
+        return _call_module(function, given, node, run)
+    if isinstance(function, Method) and isinstance(function.own, Controller):
+        return _call_controller(name, function.own.names, given, node, run)
+    if isinstance(function, Method) and isinstance(function.own, Handles):
+        return _call_handle(function.own, name, given, node, run)
+    if name in _TARGETS:
+        return _set_targets(name, given, node, run)
+    return _call_stage(name, given, node, run)
+
+
+def _call_module(function: External, given: Arguments, node: ast.Call, run: Run) -> Value:
+    """Do what a function or class of the module itself does."""
+    rest = function.name.removeprefix(run.building.module).strip(".").split(".")
+    if len(rest) == 1 and rest[0] in _CLASSES:
+        return Controller()
+    name = rest[-1]
+    if len(rest) == 2 and rest[0] in _CLASSES:  # noqa: PLR2004 - class and function
+        return _call_controller(name, None, given, node, run)
+    if name in (*_GRAPHS, *_NODES):
+        return _lookup(name, None, given, node)
+    return unknown(node)
+
+
+def _call_controller(
+    name: str, names: Names | None, given: Arguments, node: ast.Call, run: Run
+) -> Value:
+    at = place(node)
+    act = Edit(run.world, {} if names is None else names, _ANY, at)
+    if name == "edit":
+        return omnigraph.edit(run, names, given, node)
+    if name == "create_graph":
+        return omnigraph.create_graph(run, given, node)
+    if name == "create_node":
+        return omnigraph.created_node(run, names, given, node)
+    if name in ("connect", "disconnect"):
+        do = omnigraph.connect if name == "connect" else omnigraph.disconnect
+        source, target = given.get(0, "src_spec"), given.get(1, "dst_spec")
+        if source is not None and target is not None:
+            do(act, source, target, at)
+        return None
+    if name == "disconnect_all":
+        omnigraph.disconnect_all(act, given.get(0, "attribute_spec"), at)
+        return None
+    if name == "set":
+        spec = given.get(0, "attribute")
+        if isinstance(spec, Text):
+            spec = AttributeHandle(*_split(spec.text), at[0])
+        omnigraph.set_value(act, spec, given.get(1, "value"), at, later=True)
+        return None
+    if name == "create_attribute":
+        return _create_attribute(act, given, at)
+    if name == "delete_node":
+        run.world.remove_node(path_of(given.get(0, "node_id"), at))
+        return None
+    if name in ("evaluate", "evaluate_sync"):
+        _evaluate_graphs(given.get(0, "graph_id"), run, at)
+        return None
+    return _lookup(name, names, given, node)
+
+
+_ANY = "/{graph}"
+
+
+def _split(path: str) -> tuple[str, str]:
+    owner, _, port = path.rpartition(".")
+    return owner, port
+
+
+def _create_attribute(act: Edit, given: Arguments, at: At) -> Value:
+    owner, name = given.get(0, "node"), given.get(1, "attr_name")
+    node = find_node(act, path_of(owner, at), owner, at)
+    if node is not None and isinstance(name, Text):
+        omnigraph.create_attribute(act, node, name.text)
+        return AttributeHandle(node.path, name.text, at[0])
+    return Unknown("create_attribute()", at[0])
+
+
+def _evaluate_graphs(value: Value, run: Run, at: At) -> None:
+    path = "" if value is None else path_of(value, at)
+    for graph in run.world.graphs.values():
+        if not path or graph.path == path or not path.startswith("/") or "{" in path:
+            graph.is_evaluated = True
+
+
+def _lookup(name: str, names: Names | None, given: Arguments, node: ast.Call) -> Value:
+    """Return the object that a function looks up."""
+    at = place(node)
+    spec = given.get(0, f"{name}_id", given.named.get("graph_path", given.named.get("node_path")))
+    if name in _GRAPHS:
+        path = path_of(spec, at)
+        return GraphHandle(path) if path else unknown(node)
+    if name in _NODES:
+        if isinstance(spec, Items) and len(spec.items) == 2:  # noqa: PLR2004
+            return NodeHandle(f"{path_of(spec.items[1], at)}/{as_text(spec.items[0], at).text}")
+        if names is not None and isinstance(spec, Text) and spec.text in names:
+            return NodeHandle(names[spec.text].path)
+        path = path_of(spec, at)
+        return NodeHandle(path) if path else unknown(node)
+    if name == "attribute":
+        return _attribute(spec, names, given, at) or unknown(node)
+    if name in ("prim", "prim_path"):
+        path = path_of(spec, at)
+        return PrimHandle(path) if path else unknown(node)
+    return unknown(node)
+
+
+def _attribute(
+    spec: Value, names: Names | None, given: Arguments, at: At
+) -> AttributeHandle | None:
+    owner = given.get(1, "node")
+    if isinstance(spec, Items) and len(spec.items) > 1:
+        spec, owner = spec.items[0], spec.items[1]
+    if not isinstance(spec, Text):
+        return None
+    if owner is not None:
+        path = path_of(owner, at)
+        if names is not None and isinstance(owner, Text) and owner.text in names:
+            path = names[owner.text].path
+        return AttributeHandle(path, spec.text, at[0]) if path else None
+    path, port = _split(spec.text)
+    if names is not None and path in names:
+        path = names[path].path
+    return AttributeHandle(path, port, at[0]) if path and port else None
+
+
+def _call_handle(  # noqa: C901 - one line for each function
+    own: Value, name: str, given: Arguments, node: ast.Call, run: Run
+) -> Value:
+    """Do what a function of a graph, a node, an attribute or a prim does."""
+    at = place(node)
+    first = given.given[0] if given.given else None
+    if name in _VALID:
+        return True
+    if name in ("get_path_to_graph", "get_prim_path", "GetPath", "get_path", "GetPrimPath"):
+        path = f"{own.path}.{own.name}" if isinstance(own, AttributeHandle) else own.path
+        text = as_text(lifted(path, at), at)
+        return Text(text.text, at, (), Unknown(path, at[0]) if "{" in path else None, is_path=True)
+    if isinstance(own, AttributeHandle):
+        return _call_attribute(own, name, given, node, run)
+    if isinstance(own, GraphHandle):
+        if name == "evaluate":
+            _evaluate_graphs(own, run, at)
+            return None
+        if name == "get_node" and first is not None:
+            return NodeHandle(path_of(first, at))
+        if name == "create_node" and first is not None:
+            return omnigraph.created_node(run, None, given, node)
+        return unknown(node)
+    if name in (
+        "get_attribute",
+        "get_attribute_by_name",
+        "GetAttribute",
+        "GetProperty",
+    ) and isinstance(first, Text):
+        return AttributeHandle(own.path, first.text, at[0], plain=name.startswith("Get"))
+    if name in ("GetRelationship", "CreateRelationship") and isinstance(first, Text):
+        if name == "CreateRelationship":
+            _create(own.path, first.text, run)
+        return AttributeHandle(own.path, first.text, at[0], plain=True, is_relationship=True)
+    if name == "CreateAttribute" and isinstance(first, Text):
+        _create(own.path, first.text, run)
+        return AttributeHandle(own.path, first.text, at[0], plain=True)
+    if name == "create_attribute" and isinstance(first, Text):
+        _create(own.path, first.text, run)
+        return True
+    return unknown(node)
+
+
+def _create(path: str, name: str, run: Run) -> None:
+    node = run.world.nodes.get(path)
+    if node is not None:
+        node.port(name).is_made = True
+
+
+def _call_attribute(
+    own: AttributeHandle, name: str, given: Arguments, node: ast.Call, run: Run
+) -> Value:
+    at = place(node)
+    act = Edit(run.world, {}, _ANY, at)
+    first = given.given[0] if given.given else next(iter(given.named.values()), None)
+    built = run.world.nodes.get(own.path)
+    if name in ("set", "Set") and (given.given or given.named):
+        omnigraph.set_value(act, own, first, at, later=True)
+    elif name in ("SetTargets", "AddTarget") and built is not None:
+        before = built.port(own.name).value
+        if name == "AddTarget":
+            kept = list(before.items) if isinstance(before, Items) else []
+            first = Items([*kept, first], at)
+        omnigraph.set_value(act, own, first, at)
+    elif name == "connect" and given.given:
+        omnigraph.connect(act, own, first, at)
+    elif name in ("AddConnection", "SetConnections", "ConnectToSource") and built is not None:
+        for source in first.items if isinstance(first, Items) else [first]:
+            omnigraph.connect(act, source, own, at)
+    elif name in ("get_node", "GetPrim"):
+        return NodeHandle(own.path) if name == "get_node" else PrimHandle(own.path)
+    else:
+        return unknown(node)
+    return True if name == "set" else None
+
+
+def _set_targets(name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
+    """Do what makes a relationship of any name, and tells nothing of a wrong one."""
+    at = place(node)
+    if name == "set_targets":
+        prim, port, targets = (
+            given.get(0, "prim"), given.get(1, "attribute"), given.get(2, "target_prim_paths")
+        )  # fmt: skip
+    else:
+        prim, targets = given.get(0, "primPath"), given.get(1, "targetPrimPaths")
+        port = given.get(2, "inputName", lifted(run.building.target, at))
+    act = Edit(run.world, {}, _ANY, at)
+    path = path_of(prim, at)
+    built = find_node(act, path, prim, at) if path.startswith("/") else None
+    if built is not None and isinstance(port, Text):
+        if port.unknown is None:
+            omnigraph.put(run.world, built, port.text, targets, port, at, quiet=True)
+        else:
+            run.world.open_graph(built.graph, port.unknown)
+    elif built is not None:
+        run.world.open_graph(built.graph, Unknown("inputName", at[0]))
+    return None
+
+
+def _call_stage(name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
+    """Do what functions of USD and of the application do with the stage."""
+    at = place(node)
+    first = given.given[0] if given.given else next(iter(given.named.values()), None)
+    if name in _NEW_STAGES:
+        run.world.clear()
+        return Unknown(f"{name}()", at[0])
+    if name in _PRIMS and first is not None:
+        path = path_of(first, at)
+        return PrimHandle(path) if path else unknown(node)
+    if (
+        name in ("RemovePrim", "delete_prim", "DeletePrims", "DeletePrimsCommand")
+        and first is not None
+    ):
+        for value in first.items if isinstance(first, Items) else [first]:
+            run.world.remove(path_of(value, at))
+        return True
+    if name == "execute" and isinstance(first, Text) and first.text.startswith("DeletePrims"):
+        paths = given.named.get("paths")
+        for value in paths.items if isinstance(paths, Items) else []:
+            run.world.remove(path_of(value, at))
+        return None
+    if name == "GetAttributeAtPath" and isinstance(first, Text):
+        return AttributeHandle(*_split(first.text), at[0], plain=True)
+    return NONE_OF_THESE

@@ -1,0 +1,183 @@
+"""Calls functions: of the script, of OmniGraph, of USD and of Python."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+
+from lab3_usd.model.stage import Unknown
+from lab3_usd.scripts.api import NONE_OF_THESE, call_api
+from lab3_usd.scripts.expressions import evaluate
+from lab3_usd.scripts.library import call_builtin, call_library, call_method
+from lab3_usd.scripts.run import DEEPEST_CALL, Arguments, Run
+from lab3_usd.scripts.statements import execute, function_scope
+from lab3_usd.scripts.values import (
+    Class,
+    External,
+    Function,
+    Instance,
+    Items,
+    Method,
+    Scope,
+    Super,
+    Table,
+    Text,
+    Value,
+    joined,
+    place,
+    unknown,
+)
+
+
+def call_value(function: Value, given: Arguments, node: ast.AST, scope: Scope, run: Run) -> Value:
+    """Call anything: functions of the script, of OmniGraph, of USD, of Python."""
+    if isinstance(function, Function):
+        return call_function(function, given, run, node)
+    if isinstance(function, Class):
+        return construct(function, given, run, node)
+    name = _name(function, node)
+    if name == "super" and isinstance(function, External):
+        return _super(scope) or unknown(node)
+    found = call_api(function, name, given, node, run)
+    if found is not NONE_OF_THESE:
+        return found
+    if isinstance(function, Method):
+        return call_method(function.own, name, given, node)
+    if isinstance(function, External):
+        if function.name.startswith("builtins.") or function.last == "OrderedDict":
+            return call_builtin(function.last, given, node)
+        value = call_library(function.name, given, node)
+        return unknown(node) if value is None else value
+    return unknown(node)
+
+
+def _name(function: Value, node: ast.AST) -> str:
+    """Return the last name of what is called."""
+    if isinstance(function, External):
+        return function.last
+    if isinstance(function, Method):
+        return function.name
+    called = node.func if isinstance(node, ast.Call) else node
+    if isinstance(called, ast.Attribute):
+        return called.attr
+    return called.id if isinstance(called, ast.Name) else ""
+
+
+def _super(scope: Scope) -> Super | None:
+    function = function_scope(scope)
+    first = next(iter(function.names.values()), None)
+    return (
+        Super(first, function.owner) if function.owner is not None and first is not None else None
+    )
+
+
+def construct(kind: Class, given: Arguments, run: Run, node: ast.AST) -> Value:
+    """Make an object of a class, and call what initialises it."""
+    made = Instance(kind)
+    run.instances.append(made)
+    start = kind.find("__init__")
+    if start is not None and isinstance(start[0], Function):
+        method = Function(start[0].node, start[0].scope, made, start[1], start[0].defaults)
+        call_function(method, given, run, node)
+        return made
+    names = [name for base in reversed([*kind.lines()]) for name in _fields(base)]
+    for number, name in enumerate(dict.fromkeys(names)):
+        if given.has(number, name):
+            made.attributes[name] = given.get(number, name)
+        elif kind.find(name) is None:
+            made.attributes[name] = Unknown(name, getattr(node, "lineno", 1))
+    after = kind.find("__post_init__")
+    if after is not None and isinstance(after[0], Function):
+        method = Function(after[0].node, after[0].scope, made, after[1], after[0].defaults)
+        call_function(method, Arguments([], {}), run, node)
+    return made
+
+
+def _fields(kind: Class) -> list[str]:
+    """Return the names that a class only declares or gives a default, as data classes do."""
+    targets = (each.target for each in kind.node.body if isinstance(each, ast.AnnAssign))
+    return [target.id for target in targets if isinstance(target, ast.Name)]
+
+
+def call_function(function: Function, given: Arguments, run: Run, node: ast.AST) -> Value:
+    """Call a function of the script, and return what it gives."""
+    code = function.node
+    if run.calls.count(id(code)) > 2 or len(run.calls) >= DEEPEST_CALL:  # noqa: PLR2004
+        return unknown(node)
+    run.entered.add(id(code))
+    inner = Scope("function", function.scope)
+    inner.owner = function.owner
+    _bind(function, given, inner)
+    if isinstance(code, ast.Lambda):
+        return evaluate(code.body, inner, run)
+    if _yields(code, run):
+        inner.yields = []
+    run.calls.append(id(code))
+    try:
+        execute(code.body, inner, run)
+    finally:
+        run.calls.pop()
+    if inner.yields is not None:
+        return Items(inner.yields, place(node), "generator")
+    if not inner.returns:
+        return None
+    value = inner.returns[0]
+    for other in inner.returns[1:]:
+        value = joined(value, other, Unknown(f"{code.name}()", getattr(node, "lineno", 1)))
+    return value
+
+
+def _yields(code: ast.FunctionDef | ast.AsyncFunctionDef, run: Run) -> bool:
+    known = run.looked_at.get(id(code))
+    if known is None:
+        parts = (isinstance(part, (ast.Yield, ast.YieldFrom)) for part in _own_parts(code))
+        known = run.looked_at[id(code)] = any(parts)
+    return known
+
+
+def _own_parts(code: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[ast.AST]:
+    """Yield the parts of a function without those of functions in it."""
+    ahead: list[ast.AST] = list(code.body)
+    while ahead:
+        part = ahead.pop()
+        yield part
+        if not isinstance(part, (ast.FunctionDef, ast.AsyncFunctionDef, ast.Lambda, ast.ClassDef)):
+            ahead += ast.iter_child_nodes(part)
+
+
+def _bind(function: Function, given: Arguments, inner: Scope) -> None:
+    """Give the parameters their values: those of the call, their defaults, or unknown ones."""
+    arguments = function.node.args
+    names = [each.arg for each in (*arguments.posonlyargs, *arguments.args)]
+    values = list(given.given)
+    if function.own is not None:
+        values.insert(0, function.own)
+    line = getattr(function.node, "lineno", 1)
+    for number, name in enumerate(names):
+        if number < len(values):
+            inner.names[name] = values[number]
+        elif name in given.named:
+            inner.names[name] = given.named[name]
+        elif name in function.defaults and not given.is_open:
+            inner.names[name] = function.defaults[name]
+        else:
+            inner.names[name] = Unknown(name, line)
+    for each in arguments.kwonlyargs:
+        value = given.named.get(each.arg, function.defaults.get(each.arg, Unknown(each.arg, line)))
+        inner.names[each.arg] = value
+    if arguments.vararg is not None:
+        inner.names[arguments.vararg.arg] = Items(
+            values[len(names) :],
+            (line, 0, line, 0),
+            "tuple",
+            Unknown(arguments.vararg.arg, line) if given.is_open else None,
+        )
+    if arguments.kwarg is not None:
+        table = Table(
+            (line, 0, line, 0), Unknown(arguments.kwarg.arg, line) if given.is_open else None
+        )
+        known = {*names, *(each.arg for each in arguments.kwonlyargs)}
+        for name, value in given.named.items():
+            if name not in known:
+                table.set(Text(name, (line, 0, line, 0)), value)
+        inner.names[arguments.kwarg.arg] = table

@@ -1,0 +1,474 @@
+"""Builds graphs as the controller of OmniGraph does: the commands of an edit, in its own order.
+
+Facts: OmniGraph's own Python (controller, graph controller, object lookup) and NVIDIA's
+documentation of them.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable
+from difflib import get_close_matches
+
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
+from lab3_usd.model.stage import Unknown
+from lab3_usd.scripts.lookups import (
+    STATE,
+    Edit,
+    Names,
+    normal,
+    path_of,
+    resolve,
+    rooted,
+)
+from lab3_usd.scripts.run import Arguments, Run
+from lab3_usd.scripts.values import (
+    At,
+    AttributeHandle,
+    External,
+    GraphHandle,
+    Items,
+    NodeHandle,
+    PrimHandle,
+    Table,
+    Text,
+    Value,
+    as_text,
+    place,
+    same,
+    truth,
+    unknown,
+)
+from lab3_usd.scripts.world import BuiltGraph, BuiltNode, World
+
+PARAMETERS = (
+    "graph_id", "edit_commands", "path_to_object_map", "update_usd", "undoable",
+    "allow_exists_node", "allow_exists_prim", "allow_exists_attr",
+)  # fmt: skip
+ORDER = (
+    "delete_nodes", "create_variables", "create_nodes", "create_prims", "expose_prims",
+    "create_attributes", "connect", "disconnect", "disconnect_all", "promote_attributes",
+    "set_values",
+)  # fmt: skip
+_INNER = "Graph"  # what the graph within a compound is called
+
+
+def edit(run: Run, names: Names | None, given: Arguments, node: ast.Call) -> Value:
+    """Do what one call of `edit` does, and return the graph, its nodes, prims and names."""
+    at = place(node)
+    values = dict(zip(PARAMETERS, given.given, strict=False)) | given.named
+    graph_id, commands = values.get("graph_id"), values.get("edit_commands")
+    known: Names = {} if names is None else names
+    graph = _graph_of(graph_id, commands, run.world, at)
+    act = Edit(run.world, known, graph.path, at)
+    exists = values.get("allow_exists_node", False)
+    act.may_exist = truth(exists) is not False
+    given_map = values.get("path_to_object_map")
+    if given_map is not None and truth(given_map) is not False:
+        # Names of an earlier call come with it.
+        known.update(
+            {each.name: each for each in run.world.nodes.values() if each.name not in known}
+        )
+    made = _commands(act, commands, given, node)
+    nodes = Items([NodeHandle(each.path) for each in made], at, "list")
+    nodes.rest = graph.rest
+    names_table = Table(at)
+    return Items(
+        [GraphHandle(graph.path), nodes, Items([], at, "list", unknown(node)), names_table],
+        at,
+        "tuple",
+    )
+
+
+def _graph_of(graph_id: Value, commands: Value, world: World, at: At) -> BuiltGraph:
+    """Return the graph of a call: a dictionary creates it, a path finds or creates it."""
+    if isinstance(graph_id, Table):
+        return _created_graph(graph_id, world, at)
+    path = path_of(graph_id, at)
+    if not path:
+        return world.graph("/{graph}", at, is_ours=False)
+    is_text = isinstance(graph_id, Text)
+    creates = isinstance(commands, Table) and "create_nodes" in commands.values
+    graph = world.graphs.get(path)
+    if graph is None:
+        graph = world.graph(path, at, is_ours=is_text and creates)
+        if not is_text:
+            graph.evaluator = graph_id if isinstance(graph_id, Unknown) else Unknown("...", at[0])
+    return graph
+
+
+def _created_graph(table: Table, world: World, at: At) -> BuiltGraph:
+    path_value = table.get("graph_path")
+    if path_value is None and table.rest is None:
+        world.fault("no-graph-path", table.at, "/", "graph_path")
+    text = as_text(
+        path_value if path_value is not None else table.rest or Unknown("graph_path", at[0]), at
+    )
+    graph = world.graph(normal(text.text), table.at, is_ours=True)
+    graph.is_ours = True
+    rest = table.rest
+
+    def setting(name: str, before: str | Unknown | None) -> str | Unknown | None:
+        value = table.get(name)
+        if value is None:
+            return rest or before
+        if isinstance(value, Text) and value.unknown is None:
+            return value.text
+        return (
+            value.last
+            if isinstance(value, External)
+            else Unknown(as_text(value, at).text.strip("{}"), at[0])
+        )
+
+    graph.evaluator = setting("evaluator_name", graph.evaluator)
+    graph.stage = setting("pipeline_stage", graph.stage)
+    graph.mode = setting("evaluation_mode", graph.mode)
+    return graph
+
+
+def create_graph(run: Run, given: Arguments, node: ast.Call) -> Value:
+    """Create a graph of its own."""
+    value = given.get(0, "graph_id")
+    at = place(node)
+    if isinstance(value, Table):
+        return GraphHandle(_created_graph(value, run.world, at).path)
+    path = path_of(value, at)
+    return GraphHandle(run.world.graph(path, at, is_ours=True).path) if path else unknown(node)
+
+
+def _commands(act: Edit, commands: Value, given: Arguments, node: ast.Call) -> list[BuiltNode]:
+    """Do the commands of a dictionary, and return the nodes that it makes."""
+    if not isinstance(commands, Table):
+        if commands is not None or given.is_open:
+            what = commands if isinstance(commands, Unknown) else unknown(node)
+            act.world.open_graph(act.graph, what)
+        return []
+    if commands.rest is not None:
+        act.world.open_graph(act.graph, commands.rest)
+    _note_unknown_keys(act, commands)
+    for key, value in commands.lost:
+        _note_lost(act, key, value, commands)
+    made: list[BuiltNode] = []
+    for name in ORDER:
+        if name not in commands.values:
+            continue
+        value = commands.values[name]
+        items = _as_list(value, name, act)
+        if items is None:
+            what = value if isinstance(value, Unknown) else Unknown(name, act.at[0])
+            act.world.open_graph(act.graph, what)
+            continue
+        if items.rest is not None:
+            act.world.open_graph(act.graph, items.rest)
+        for item in items.items:
+            act.world.lines.add(_at(item, act)[0])
+            found = _COMMANDS[name](act, item)
+            if isinstance(found, BuiltNode):
+                made.append(found)
+    return made
+
+
+def _note_unknown_keys(act: Edit, commands: Table) -> None:
+    for key, written in commands.keys.items():
+        if not isinstance(key, str) or key not in ORDER:
+            near = get_close_matches(str(key), ORDER, 1, 0.6)
+            at = written.at if isinstance(written, Text) else commands.at
+            act.world.fault("unknown-key", at, act.graph, str(key), meant=near[0] if near else "")
+
+
+def _note_lost(act: Edit, key: Value, value: Value, commands: Table) -> None:
+    """Note a list that a later one of the same key replaces, if that lacks something of it."""
+    name = key.text if isinstance(key, Text) else ""
+    later = commands.values.get(name)
+    if isinstance(value, Items) and isinstance(later, Items) and value.items:
+        kept = {_shown(item) for item in later.items}
+        if any(_shown(item) not in kept for item in value.items):
+            at = key.at if isinstance(key, Text) else commands.at
+            act.world.fault("key-twice", at, act.graph, name)
+
+
+def _shown(value: Value) -> str:
+    if isinstance(value, Items):
+        return "(" + ", ".join(_shown(item) for item in value.items[:8]) + ")"
+    return value.text if isinstance(value, Text) else repr(value)
+
+
+def _as_list(value: Value, name: str, act: Edit) -> Items | None:
+    """Return the items of a command: only a list is one, anything else is a single item."""
+    if not isinstance(value, Items):
+        single = isinstance(value, (Text, NodeHandle, AttributeHandle))
+        return Items([value], act.at) if single else None
+    if value.kind == "list":
+        return value
+    pairs = [item for item in value.items if isinstance(item, Items) and len(item.items) > 1]
+    is_list_of_pairs = len(pairs) == len(value.items) > 0 and (
+        name != "set_values"
+        or (isinstance(pairs[-1].items[0], Text) and "." in pairs[-1].items[0].text)
+    )
+    if value.kind == "generator" or is_list_of_pairs:
+        act.world.fault("not-a-list", value.at, act.graph, name, meant=value.kind)
+        return Items(value.items, value.at, "list", value.rest)
+    return Items([value], value.at)
+
+
+def _at(item: Value, act: Edit) -> At:
+    return item.at if isinstance(item, (Items, Text)) else act.at
+
+
+def _parts(item: Value, act: Edit, least: int) -> list[Value] | None:
+    """Return the parts of an item, None where they are unknown."""
+    if isinstance(item, Items) and item.rest is None and len(item.items) >= least:
+        return item.items
+    what = item if isinstance(item, Unknown) else Unknown("...", _at(item, act)[0])
+    act.world.open_graph(act.graph, what)
+    return None
+
+
+def _create_node(act: Edit, item: Value) -> BuiltNode | None:
+    parts = _parts(item, act, 2)
+    if parts is None:
+        return None
+    at = _at(item, act)
+    name, kind = parts[0], parts[1]
+    shown = name.path if isinstance(name, (NodeHandle, PrimHandle)) else as_text(name, at).text
+    shown = rooted(shown)
+    path = shown if shown.startswith("/") else f"{act.graph}/{shown}"
+    graph = act.graph if not shown.startswith("/") else path.rpartition("/")[0]
+    node = make_node(
+        act.world, path, graph, kind, at, may_exist=act.may_exist, call=(act.at, act.number)
+    )
+    act.names[shown] = node
+    if isinstance(kind, Table):
+        _fill_compound(act, node, kind)
+    return node
+
+
+def make_node(
+    world: World, path: str, graph: str, kind: Value, at: At, *, may_exist: bool, call: object
+) -> BuiltNode:
+    """Make a node, or return the one that is there."""
+    known = world.nodes.get(path)
+    if known is not None:
+        if not may_exist and "{" not in path and call not in world.twice:
+            world.twice.add(call)
+            world.fault("node-twice", at, path, known.name, others=(f"line {known.at[0]}",))
+        return known
+    node = world.nodes[path] = BuiltNode(path, graph, kind, at)
+    world.places.add(at)
+    return node
+
+
+def _fill_compound(act: Edit, node: BuiltNode, commands: Table) -> None:
+    """Do the commands of a compound: its nodes stand in a graph below it, and its names count."""
+    node.is_compound = True
+    outer = act.world.graphs[act.graph]
+    inner = act.world.graph(f"{node.path}/{_INNER}", node.at, is_ours=True)
+    inner.evaluator, inner.stage, inner.mode = outer.evaluator, outer.stage, outer.mode
+    within = Edit(act.world, act.names, inner.path, node.at)
+    within.may_exist = act.may_exist
+    for name in ORDER:
+        value = commands.values.get(name)
+        items = None if value is None else _as_list(value, name, within)
+        for item in () if items is None else items.items:
+            if name == "promote_attributes":
+                _promote_inner(within, node, item)
+            else:
+                _COMMANDS[name](within, item)
+
+
+def _promote_inner(act: Edit, compound: BuiltNode, item: Value) -> None:
+    parts = _parts(item, act, 2)
+    if parts is None:
+        return
+    at = _at(item, act)
+    found = resolve(act, parts[0], at)
+    name = as_text(parts[1], at).text
+    inner, port = found if found is not None else (None, "")
+    if inner is None:
+        return
+    prefix = OUTPUT if port.startswith(OUTPUT) else INPUT
+    full = name if name.startswith((INPUT, OUTPUT)) else prefix + name
+    compound.promoted.add(full)
+    if full.startswith(INPUT):
+        inner.port(port).sources[f"{compound.path}.{full}"] = (at, parts[0], parts[1])
+        inner.port(port).promoted.add(f"{compound.path}.{full}")
+    else:
+        compound.port(full).sources[f"{inner.path}.{port}"] = (at, parts[0], parts[1])
+        compound.port(full).promoted.add(f"{inner.path}.{port}")
+
+
+def _promote(act: Edit, item: Value) -> None:
+    """Promote in a graph of no compound, which changes no wire."""
+    del act, item
+
+
+def _delete_node(act: Edit, item: Value) -> None:
+    at = _at(item, act)
+    shown = item.path if isinstance(item, NodeHandle) else as_text(item, at).text
+    node = act.names.pop(shown, None)
+    path = node.path if node else shown if shown.startswith("/") else f"{act.graph}/{shown}"
+    if "{" in path:
+        act.world.open_graph(act.graph, Unknown(path, at[0]))
+    act.world.remove_node(path)
+
+
+def _create_variable(act: Edit, item: Value) -> None:
+    if isinstance(item, Items) and item.items and isinstance(item.items[0], Text):
+        value = item.items[2] if len(item.items) > 2 else None  # noqa: PLR2004
+        act.world.graphs[act.graph].variables[item.items[0].text] = value
+
+
+def _pass_over(act: Edit, item: Value) -> None:
+    """Do nothing: prims that are made or shown are no nodes of a known type."""
+    del act, item
+
+
+def _create_attribute(act: Edit, item: Value) -> None:
+    parts = _parts(item, act, 1)
+    if parts is None:
+        return
+    at = _at(item, act)
+    spec = parts[0]
+    if isinstance(spec, Items) and spec.items and isinstance(spec.items[0], Items):
+        spec = Items([spec.items[0].items[0], *spec.items[1:]], spec.at, "tuple")
+    found = resolve(act, spec, at, prefix=INPUT)
+    if found is not None and found[0] is not None:
+        port = found[0].port(found[1])
+        port.is_made = True
+
+
+def create_attribute(act: Edit, node: BuiltNode, name: str) -> None:
+    """Create a port of a node; without a prefix it is an input."""
+    del act
+    full = name if name.startswith((INPUT, OUTPUT, STATE)) else INPUT + name
+    node.port(full).is_made = True
+
+
+def _connect(act: Edit, item: Value) -> None:
+    parts = _parts(item, act, 2)
+    if parts is not None:
+        connect(act, parts[0], parts[1], _at(item, act))
+
+
+def connect(act: Edit, source: Value, target: Value, at: At) -> None:
+    """Wire an output to an input."""
+    start, end = resolve(act, source, at), resolve(act, target, at)
+    act.world.places.add(at)
+    node, port = end if end is not None else (None, "")
+    if node is None:
+        return
+    if start is None:
+        if isinstance(source, Text) and source.unknown is None:
+            node.port(port).value = node.port(port).value or Unknown(source.text, at[0])
+            node.port(port).at = at
+        return
+    path = start[1] if start[0] is None else f"{start[0].path}.{start[1]}"
+    if start[0] is None:
+        act.world.outside.add(path.rpartition(".")[0])
+    node.port(port).sources[path] = (at, source, target)
+
+
+def _disconnect(act: Edit, item: Value) -> None:
+    parts = _parts(item, act, 2)
+    if parts is not None:
+        disconnect(act, parts[0], parts[1], _at(item, act))
+
+
+def disconnect(act: Edit, source: Value, target: Value, at: At) -> None:
+    """Take a wire away."""
+    start, end = resolve(act, source, at), resolve(act, target, at)
+    if start is None or end is None or end[0] is None:
+        return
+    path = start[1] if start[0] is None else f"{start[0].path}.{start[1]}"
+    end[0].port(end[1]).sources.pop(path, None)
+
+
+def _disconnect_all(act: Edit, item: Value) -> None:
+    at = _at(item, act)
+    spec = item.items[0] if isinstance(item, Items) and len(item.items) == 1 else item
+    disconnect_all(act, spec, at)
+
+
+def disconnect_all(act: Edit, spec: Value, at: At) -> None:
+    """Take all wires of a port away."""
+    found = resolve(act, spec, at)
+    node, port = found if found is not None else (None, "")
+    if node is None:
+        return
+    node.port(port).sources.clear()
+    for other in act.world.nodes.values():
+        for entry in other.ports.values():
+            entry.sources.pop(f"{node.path}.{port}", None)
+
+
+def _set_value(act: Edit, item: Value) -> None:
+    parts = _parts(item, act, 2)
+    if parts is not None:
+        set_value(act, parts[0], parts[1], _at(item, act))
+
+
+def set_value(act: Edit, spec: Value, value: Value, at: At, *, later: bool = False) -> None:
+    """Give an input a value, or targets; one that is set `later` may change while it runs."""
+    found = resolve(act, spec, at)
+    if found is None or found[0] is None:
+        return
+    put(act.world, found[0], found[1], value, spec, at, later=later)
+
+
+def put(  # noqa: PLR0913 - a value, and how it was given
+    world: World,
+    node: BuiltNode,
+    name: str,
+    value: Value,
+    spec: Value,
+    at: At,
+    *,
+    quiet: bool = False,
+    later: bool = False,
+) -> None:
+    """Give a port of a node a value."""
+    port = node.port(name)
+    if later and port.is_late and same(port.value, value) is not True:
+        value = Unknown("a value that changes", at[0])
+    port.is_late |= later
+    port.value, port.at = value, at
+    port.text = spec if isinstance(spec, Text) else None
+    port.is_quiet = quiet
+    world.places.add(at)
+    world.values += 1
+
+
+def created_node(run: Run, names: Names | None, given: Arguments, node: ast.Call) -> Value:
+    """Create one node: an absolute path, or a name and its graph, and its type."""
+    at = place(node)
+    spec, kind = given.get(0, "node_id"), given.get(1, "node_type_id")
+    if isinstance(spec, Items) and len(spec.items) == 2:  # noqa: PLR2004
+        graph, shown = path_of(spec.items[1], at), as_text(spec.items[0], at).text
+        path = f"{graph}/{shown}"
+    else:
+        path = path_of(spec, at)
+        graph, shown = path.rpartition("/")[0], path.rpartition("/")[2]
+    if not path or kind is None:
+        return unknown(node)
+    if graph not in run.world.graphs:
+        run.world.graph(graph, at, is_ours=False).evaluator = Unknown("...", at[0])
+    may_exist = truth(given.get(2, "allow_exists", False)) is not False
+    made = make_node(run.world, path, graph, kind, at, may_exist=may_exist, call=at)
+    if names is not None:
+        names[shown] = made
+    return NodeHandle(made.path)
+
+
+_COMMANDS: dict[str, Callable[[Edit, Value], BuiltNode | None]] = {
+    "delete_nodes": _delete_node,
+    "create_variables": _create_variable,
+    "create_nodes": _create_node,
+    "create_prims": _pass_over,
+    "expose_prims": _pass_over,
+    "create_attributes": _create_attribute,
+    "connect": _connect,
+    "disconnect": _disconnect,
+    "disconnect_all": _disconnect_all,
+    "promote_attributes": _promote,
+    "set_values": _set_value,
+}

@@ -1,0 +1,166 @@
+"""Reads a script into stages as plain data: one for each way through it that builds graphs."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Callable
+from pathlib import Path
+from typing import TypeVar
+
+from msgspec import Struct
+
+from lab3_usd.errors import StageError
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.stage import StageModel, Unknown
+from lab3_usd.scripts.runs import Way, ways
+from lab3_usd.scripts.sources import Source, may_build, parse, read_source
+from lab3_usd.scripts.stage_model import modelled
+from lab3_usd.scripts.values import At
+from lab3_usd.scripts.world import World
+
+_STACK = 256 * 1024 * 1024
+_DEEPEST = 20_000
+_T = TypeVar("_T")
+
+
+class BuiltStage(Struct, frozen=True, eq=False):
+    """The stage that one way through a script leaves, and the places that it came by.
+
+    `start` numbers the starts of the script: ways of one start are alternatives.
+    """
+
+    model: StageModel
+    world: World
+    start: int
+
+
+class ReadScript(Struct, frozen=True, eq=False):
+    """A script with the stages that it builds; `stopped` are lines at which reading ended early."""
+
+    source: Source
+    stages: tuple[BuiltStage, ...]
+    stopped: tuple[int, ...] = ()
+
+    @property
+    def worlds(self) -> list[World]:
+        """What each way builds."""
+        return [stage.world for stage in self.stages]
+
+    @property
+    def graphs(self) -> int:
+        """How many graphs are built, those of all ways."""
+        found = {
+            (path, graph.at)
+            for world in self.worlds
+            for path, graph in world.graphs.items()
+            if any(True for _ in world.nodes_of(path))
+        }
+        return len(found)
+
+    @property
+    def nodes(self) -> int:
+        """How many nodes are built, those of all ways."""
+        return len({(node.path, node.at) for world in self.worlds for node in world.nodes.values()})
+
+    @property
+    def wires(self) -> int:
+        """How many wires are drawn, those of all ways."""
+        return len(
+            {
+                (node.path, name, source, at)
+                for world in self.worlds
+                for node in world.nodes.values()
+                for name, port in node.ports.items()
+                for source, (at, _, _) in port.sources.items()
+                if not port.is_promoted(source)
+            }
+        )
+
+    @property
+    def values(self) -> int:
+        """How many inputs are set, those of all ways."""
+        return len(
+            {
+                (node.path, name, port.at)
+                for world in self.worlds
+                for node in world.nodes.values()
+                for name, port in node.ports.items()
+                if port.at is not None
+            }
+        )
+
+    @property
+    def unknown(self) -> tuple[Unknown, ...]:
+        """What is not known before it runs: values of inputs, and parts of what is built."""
+        found = {each: None for world in self.worlds for each in world.unread}
+        return tuple(sorted(found, key=lambda each: (each.line, each.why)))
+
+
+def read_script(
+    path: Path, platform: Platform, scene: StageModel | None = None
+) -> ReadScript | None:
+    """Read the graphs that a script builds, None where it builds none.
+
+    Nothing of it is run, and nothing that it imports or names is opened. `scene` is the stage that
+    it loads, if that is known.
+
+    Raises:
+        StageError: the script cannot be read; a line says why.
+    """
+    if not may_build(path, platform.building.module):
+        return None
+    source = read_source(path)
+    found = in_deep_thread(lambda: list(ways(parse(source), platform.building)))
+    stages: list[BuiltStage] = []
+    stopped: set[int] = set()
+    for number, alternatives in enumerate(found):
+        for way in alternatives:
+            if way.stopped:
+                stopped.add(source.line(way.stopped))
+            stages += (
+                BuiltStage(modelled(world, platform, scene), world, number)
+                for world in way.worlds
+                if _is_built(world)
+            )
+    if not stages and not stopped:
+        return None
+    return ReadScript(source, tuple(stages), tuple(sorted(stopped)))
+
+
+def _is_built(world: World) -> bool:
+    return bool(world.nodes or world.faults or any(g.is_ours for g in world.graphs.values()))
+
+
+def in_deep_thread(function: Callable[[], _T]) -> _T:
+    """Call a function where calls may nest deeply.
+
+    Raises:
+        StageError: they nest more deeply than that.
+    """
+    results: list[_T] = []
+    errors: list[BaseException] = []
+
+    def call() -> None:
+        try:
+            results.append(function())
+        except (RecursionError, MemoryError):
+            errors.append(StageError("the script is nested too deeply to be read"))
+        except BaseException as error:  # noqa: BLE001 - it is raised where it is waited for
+            errors.append(error)
+
+    before, limit = threading.stack_size(_STACK), sys.getrecursionlimit()
+    sys.setrecursionlimit(max(limit, _DEEPEST))
+    try:
+        thread = threading.Thread(target=call)
+        thread.start()
+        thread.join()
+    finally:
+        threading.stack_size(before)
+        sys.setrecursionlimit(limit)
+    if errors:
+        raise errors[0]
+    return results[0]
+
+
+__all__ = ["At", "BuiltStage", "ReadScript", "Way", "read_script"]

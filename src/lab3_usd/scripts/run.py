@@ -1,0 +1,105 @@
+"""What one way through a script has done so far, and what it may still do."""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Callable, Sequence
+
+from lab3_usd.isaac.behaviour import Building
+from lab3_usd.scripts.values import Function, Instance, Scope, Value
+from lab3_usd.scripts.world import World
+
+MOST_STEPS = 250_000
+DEEPEST_CALL = 40
+DEEPEST_PART = 900
+MOST_ROUNDS = 2_000  # of one loop
+FEW_ROUNDS = 12  # of one that builds nothing and changes no list
+
+
+class StepLimitError(Exception):
+    """The evaluation took as many steps as it may."""
+
+
+class Arguments:
+    """What a call is given; `is_open` where more of it is unknown."""
+
+    __slots__ = ("given", "is_open", "named")
+
+    def __init__(
+        self, given: list[Value], named: dict[str, Value], *, is_open: bool = False
+    ) -> None:
+        """Take the values by place and by name."""
+        self.given = given
+        self.named = named
+        self.is_open = is_open
+
+    def get(self, place: int, name: str, default: Value = None) -> Value:
+        """Return the value at a place or of a name."""
+        if place < len(self.given):
+            return self.given[place]
+        return self.named.get(name, default)
+
+    def has(self, place: int, name: str) -> bool:
+        """Whether there is a value at a place or of a name."""
+        return place < len(self.given) or name in self.named
+
+
+class Run:
+    """One way through the script: which branch it takes where that is unknown, what it builds.
+
+    `decisions` are the branches to take, in the order in which they are met; the first branch is
+    taken behind them. `taken` are those that were, `entered` the functions that were called, and
+    `inner` those that functions define. `builders` are the parts of the script that build
+    graphs, and `looked_at` what is known of others, by their number.
+    `call_value` is how anything is called, and `assign` how a target gets a value: both are told
+    where statements are executed.
+    """
+
+    def __init__(
+        self,
+        decisions: Sequence[bool],
+        builders: frozenset[int],
+        building: Building,
+        looked_at: dict[int, bool],
+    ) -> None:
+        """Start at the first statement."""
+        self.building = building
+        self.looked_at = looked_at
+        self._ahead = list(decisions)
+        self._decided: dict[str, bool] = {}
+        self.taken: list[bool] = []
+        self.entered: set[int] = set()
+        self.builders = builders
+        self.world = World()
+        self.steps = MOST_STEPS
+        self.depth = 0
+        self.calls: list[int] = []
+        self.instances: list[Instance] = []
+        self.inner: list[Function] = []
+        self.line = 1
+        self.call_value: Callable[[Value, Arguments, ast.AST, Scope], Value]
+        self.assign: Callable[[ast.expr, Value, Scope], None]
+        self.attribute_set_elsewhere: Callable[[Instance, ast.Attribute], Value]
+
+    def step(self, node: ast.AST) -> None:
+        """Count a step.
+
+        Raises:
+            StepLimitError: it is one too many.
+        """
+        self.steps -= 1
+        self.line = getattr(node, "lineno", self.line)
+        if self.steps < 0:
+            raise StepLimitError
+
+    def decide(self, test: ast.AST) -> bool:
+        """Return which way to go at a test whose outcome is unknown: the same at the same words."""
+        turned = isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not)
+        inner = test.operand if isinstance(test, ast.UnaryOp) and turned else test
+        key = ast.dump(inner)
+        if key not in self._decided:
+            number = len(self.taken)
+            choice = self._ahead[number] if number < len(self._ahead) else True
+            self.taken.append(choice)
+            self._decided[key] = choice != turned
+        return self._decided[key] != turned

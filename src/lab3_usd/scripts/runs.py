@@ -1,0 +1,249 @@
+"""The ways through a script: which functions are its starts, and which branches each way takes.
+
+The module is one start, with all that it calls. A function or method that builds graphs and is
+called by none of the others is one of its own: who calls it is not in the script.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator
+
+from msgspec import Struct
+
+from lab3_usd.isaac.behaviour import Building
+from lab3_usd.model.stage import Unknown
+from lab3_usd.scripts.calling import call_function, call_value, construct
+from lab3_usd.scripts.expressions import evaluate
+from lab3_usd.scripts.run import Arguments, Run, StepLimitError
+from lab3_usd.scripts.statements import assign, execute
+from lab3_usd.scripts.values import Class, Function, Instance, Scope, Value, unknown
+from lab3_usd.scripts.world import World
+
+MOST_WAYS = 16  # through one start
+MOST_IN_ALL = 120
+_SURE = frozenset(
+    [
+        "edit",
+        "create_graph",
+        "create_node",
+        "set_target_prims",
+        "set_targets",
+        "SetTargets",
+        "AddTarget",
+        "disconnect",
+        "evaluate_sync",
+        "disconnect_all",
+        "delete_node",
+    ]
+)
+_OF_OBJECTS = frozenset(["connect", "set", "Set", "create_attribute", "evaluate"])
+_FIRST = ("setUp", "asyncSetUp", "setup_method", "setup", "setUpClass")
+
+
+class Start(Struct, frozen=True):
+    """Where ways begin: the module, a function, or a method of a class."""
+
+    name: str
+    owner: str = ""
+
+
+class Way(Struct, frozen=True, eq=False):
+    """One way through a script, and what it builds; at the line `stopped` it ended early."""
+
+    start: Start
+    worlds: tuple[World, ...]
+    stopped: int = 0
+
+
+def ways(tree: ast.Module, building: Building) -> Iterator[list[Way]]:
+    """Yield the ways through a script, those of one start together."""
+    builders = frozenset(_builders(tree))
+    looked_at: dict[int, bool] = {}
+    starts = _starts(tree, builders)
+    entered: set[int] = set()
+    count = 0
+    for start, code in starts:
+        if code is not None and id(code) in entered:
+            continue
+        found: list[Way] = []
+        ahead: list[list[bool]] = [[]]
+        while ahead and len(found) < MOST_WAYS and count < MOST_IN_ALL:
+            decisions = ahead.pop(0)
+            run = Run(decisions, builders, building, looked_at)
+            found.append(_follow(tree, start, run))
+            count += 1
+            entered |= run.entered
+            ahead += [
+                [*run.taken[:number], not run.taken[number]]
+                for number in range(len(decisions), len(run.taken))
+            ]
+        yield found
+
+
+def _follow(tree: ast.Module, start: Start, run: Run) -> Way:
+    run.call_value = lambda value, given, node, scope: call_value(value, given, node, scope, run)
+    run.assign = lambda target, value, scope: assign(target, value, scope, run)
+    run.attribute_set_elsewhere = lambda own, node: _set_elsewhere(own, node, run)
+    scope = Scope("module")
+    stopped = 0
+    try:
+        execute(tree.body, scope, run)
+        if start.name:
+            run.world = World()
+            _enter(start, scope, run, tree)
+        for function in run.inner:
+            if id(function.node) not in run.entered and _builds(function.node, run.builders):
+                call_function(function, Arguments([], {}), run, function.node)
+    except StepLimitError:
+        stopped = run.line
+        for graph in run.world.graphs.values():
+            run.world.open_graph(graph.path, Unknown("what follows", stopped))
+    return Way(start, (*run.world.past, run.world), stopped)
+
+
+def _enter(start: Start, scope: Scope, run: Run, tree: ast.Module) -> None:
+    """Call the function or method of a start."""
+    if not start.owner:
+        function = scope.names.get(start.name)
+        if isinstance(function, Function):
+            call_function(function, Arguments([], {}), run, function.node)
+        return
+    kind = scope.names.get(start.owner)
+    if not isinstance(kind, Class):
+        return
+    own = construct(kind, Arguments([], {}), run, kind.node)
+    run.inner.clear()
+    names = [*(_FIRST if start.name.startswith("test") else ()), start.name]
+    for name in names:
+        found = kind.find(name)
+        if found is not None and isinstance(found[0], Function) and (name != "__init__"):
+            given: Value = own
+            if _is_static(found[0]):
+                given = None
+            method = Function(found[0].node, found[0].scope, given, found[1], found[0].defaults)
+            call_function(method, Arguments([], {}), run, found[0].node)
+    del tree
+
+
+def _is_static(function: Function) -> bool:
+    code = function.node
+    decorators = [] if isinstance(code, ast.Lambda) else code.decorator_list
+    return any(isinstance(each, ast.Name) and each.id == "staticmethod" for each in decorators)
+
+
+def _set_elsewhere(own: Instance, node: ast.Attribute, run: Run) -> Value:
+    """Return an attribute that another method of the class sets, where only one place does."""
+    found = [(value, kind) for kind in own.type.lines() for value in kind.assigned(node.attr)]
+    certain = [pair for pair in found if not _is_nothing(pair[0])]
+    if len(certain) != 1:
+        return unknown(node)
+    value, kind = certain[0]
+    if any(isinstance(part, (ast.Call, ast.Await, ast.Attribute)) for part in ast.walk(value)):
+        return unknown(node)
+    result = evaluate(value, Scope("function", kind.scope), run)
+    own.attributes[node.attr] = result
+    return result
+
+
+def _is_nothing(value: ast.expr) -> bool:
+    return isinstance(value, ast.Constant) and value.value is None
+
+
+def _starts(tree: ast.Module, builders: frozenset[int]) -> list[tuple[Start, ast.AST | None]]:
+    """Return the module, then the functions that may be called from outside, callers first."""
+    found: list[tuple[Start, ast.AST]] = []
+    for node in _statements(tree.body):
+        if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and _builds(node, builders):
+            found.append((Start(node.name), node))
+        elif isinstance(node, ast.ClassDef):
+            found += [
+                (Start(inner.name, node.name), inner)
+                for inner in node.body
+                if isinstance(inner, (ast.FunctionDef, ast.AsyncFunctionDef))
+                and _builds(inner, builders)
+            ]
+    called: set[str] = set()
+    for start, code in found:
+        called |= {name for name in _called(code) if name != start.name}
+        if start.name == "__init__":
+            called.discard(start.owner)
+    first = [each for each in found if each[0].name not in called]
+    rest = [each for each in found if each[0].name in called]
+    return [(Start(""), None), *first, *rest]
+
+
+def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
+    """Yield the statements of a module, those in its branches with them."""
+    for node in body:
+        yield node
+        for name in ("body", "orelse", "finalbody"):
+            inner = getattr(node, name, None)
+            if isinstance(node, (ast.If, ast.Try, ast.With)) and isinstance(inner, list):
+                yield from _statements(inner)
+
+
+def _called(code: ast.AST) -> Iterator[str]:
+    for part in ast.walk(code):
+        if isinstance(part, ast.Call):
+            if isinstance(part.func, ast.Attribute):
+                yield part.func.attr
+            elif isinstance(part.func, ast.Name):
+                yield part.func.id
+
+
+def _builds(code: ast.AST, builders: frozenset[int]) -> bool:
+    return any(id(part) in builders for part in ast.walk(code))
+
+
+def _builders(tree: ast.Module) -> set[int]:
+    """Return the calls that build graphs, by themselves or in functions that they call."""
+    found: set[int] = set()
+    calls: list[tuple[ast.Call, str]] = []
+    functions: dict[str, list[ast.AST]] = {}
+    for part in ast.walk(tree):
+        if isinstance(part, (ast.FunctionDef, ast.AsyncFunctionDef)):
+            functions.setdefault(part.name, []).append(part)
+        elif isinstance(part, ast.ClassDef):
+            functions.setdefault(part.name, []).extend(
+                each
+                for each in part.body
+                if isinstance(each, ast.FunctionDef) and each.name in ("__init__", "__post_init__")
+            )
+        elif isinstance(part, ast.Call):
+            calls.append((part, next(_called(part), "")))
+            if _is_builder(part):
+                found.add(id(part))
+    inside = {
+        name: {id(part) for code in codes for part in ast.walk(code) if isinstance(part, ast.Call)}
+        for name, codes in functions.items()
+    }
+    building: set[str] = set()
+    while True:
+        new = {
+            name
+            for name, parts in inside.items()
+            if name not in building and not found.isdisjoint(parts)
+        }
+        if not new:
+            return found
+        building |= new
+        found |= {id(call) for call, name in calls if _own_name(call) in building}
+
+
+def _own_name(call: ast.Call) -> str:
+    if isinstance(call.func, ast.Attribute):
+        return call.func.attr
+    return call.func.id if isinstance(call.func, ast.Name) else ""
+
+
+def _is_builder(call: ast.Call) -> bool:
+    name = _own_name(call)
+    if name in _SURE:
+        return True
+    if name not in _OF_OBJECTS or not isinstance(call.func, ast.Attribute):
+        return False
+    owner = call.func.value
+    if isinstance(owner, ast.Call):
+        return _own_name(owner) in ("attribute", "get_attribute", "GetAttribute")
+    return isinstance(owner, ast.Attribute) and owner.attr == "Controller"

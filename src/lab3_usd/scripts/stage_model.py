@@ -1,0 +1,342 @@
+"""Makes the stage that a script leaves: the same plain data that a file of a stage gives."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator, Mapping
+from typing import Any
+
+from msgspec.structs import replace
+
+from lab3_usd.facts.likely_names import likely_name
+from lab3_usd.isaac.node_types import INPUT, NodeType, Port
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.values import Value as PlainValue
+from lab3_usd.model.build import Build, Span
+from lab3_usd.model.prims import NameFilter, Prim, Prims, of_any_name
+from lab3_usd.model.stage import (
+    GraphModel,
+    Node,
+    PortState,
+    StageModel,
+    Unknown,
+    UnresolvedAsset,
+)
+from lab3_usd.scripts.values import (
+    External,
+    Handles,
+    Items,
+    Text,
+    UnknownValueError,
+    Value,
+    as_text,
+    plain,
+)
+from lab3_usd.scripts.world import BuiltGraph, BuiltNode, BuiltPort, World
+
+SCENE = "the scene that the script loads"
+_REL = "rel"
+_NUMBERS = ("bool", "uchar", "int", "uint", "int64", "uint64", "half", "float", "double")
+_REALS = ("half", "float", "double")
+_TEXTS = ("string", "token")
+
+
+class _Overlay(Prims):
+    """The prims of a scene, with the graphs that a script adds."""
+
+    def __init__(self, below: Prims, more: Mapping[str, Prim]) -> None:
+        super().__init__(more)
+        self._below = below
+
+    def __getitem__(self, path: str) -> Prim:
+        return self._prims[path] if path in self._prims else self._below[path]
+
+    def __iter__(self) -> Iterator[str]:
+        yield from self._below
+        yield from (path for path in self._prims if path not in self._below)
+
+    def __len__(self) -> int:
+        return sum(1 for _ in self)
+
+    def of_type(self, asked: NameFilter) -> Iterable[Prim]:
+        return self._below.of_type(asked)
+
+    def with_api(self, asked: NameFilter) -> Iterable[Prim]:
+        return self._below.with_api(asked)
+
+    def named(self, asked: NameFilter) -> Iterable[Prim]:
+        return self._below.named(asked)
+
+    def below(
+        self, top: str, asked: NameFilter = of_any_name, left_out: frozenset[str] = frozenset()
+    ) -> Iterable[Prim]:
+        return self._below.below(top, asked, left_out)
+
+
+def modelled(world: World, platform: Platform, scene: StageModel | None = None) -> StageModel:
+    """Return the stage that a script leaves, over a scene or without one.
+
+    Where there is no scene, what prims it has is unknown.
+    """
+    missing: dict[str, UnresolvedAsset] = {}
+    if scene is None:
+        missing["/"] = UnresolvedAsset("/", SCENE, "script")
+    elsewhere = {node: UnresolvedAsset(node, SCENE, "script") for node in sorted(world.outside)}
+    if scene is None:
+        missing.update(elsewhere)
+    graphs = [
+        _graph(graph, world, platform, missing)
+        for graph in world.graphs.values()
+        if graph.is_ours or any(True for _ in world.nodes_of(graph.path))
+    ]
+    build = Build(
+        faults=tuple(world.faults),
+        places=dict(_places(world)),
+        created=frozenset(
+            (node.path, name)
+            for node in world.nodes.values()
+            for name, port in node.ports.items()
+            if port.is_made
+        ),
+        quiet=frozenset(
+            (node.path, name)
+            for node in world.nodes.values()
+            for name, port in node.ports.items()
+            if port.is_quiet
+        ),
+        has_scene=scene is not None,
+    )
+    prims = {graph.path: Prim(graph.path, platform.graph.type, ()) for graph in graphs}
+    if scene is None:
+        return StageModel(
+            platform=platform,
+            up_axis="Z",
+            meters_per_unit=1.0,
+            kilograms_per_unit=1.0,
+            graphs=tuple(graphs),
+            prims=prims,
+            unresolved=tuple(missing.values()),
+            build=build,
+        )
+    paths = {graph.path for graph in graphs}
+    below = scene.prims if isinstance(scene.prims, Prims) else Prims(scene.prims)
+    return replace(
+        scene,
+        graphs=(*(graph for graph in scene.graphs if graph.path not in paths), *graphs),
+        prims=_Overlay(below, prims),
+        unresolved=(*scene.unresolved, *missing.values()),
+        build=build,
+    )
+
+
+def _places(world: World) -> Iterator[tuple[tuple[str, str | None, str | None], Span]]:
+    for graph in world.graphs.values():
+        yield (graph.path, None, None), graph.at
+    for node in world.nodes.values():
+        yield (node.path, None, None), node.at
+        for name, port in node.ports.items():
+            for source, (at, _, _) in port.sources.items():
+                yield (node.path, name, source), at
+            first = next((at for at, _, _ in port.sources.values()), None)
+            if port.at is not None or first is not None:
+                yield (node.path, name, None), port.at or first or node.at
+
+
+def _graph(
+    graph: BuiltGraph, world: World, platform: Platform, missing: dict[str, UnresolvedAsset]
+) -> GraphModel:
+    form = platform.graph.evaluation
+    building = platform.building
+    attributes: dict[str, PlainValue] = {}
+    for attribute in platform.graph.attributes:
+        attributes[attribute.name] = attribute.value
+    attributes[form.evaluator] = _setting(graph.evaluator, {}, building.evaluator)
+    attributes[form.stage] = _setting(
+        graph.stage, building.stages, platform.graph.value(form.stage) or ""
+    )
+    attributes[form.mode] = _setting(
+        graph.mode, building.modes, platform.graph.value(form.mode) or ""
+    )
+    if graph.is_evaluated and attributes[form.stage] in form.on_demand:
+        attributes[form.stage] = "evaluated by the script"
+    if graph.rest is not None:
+        what = f"{graph.rest.why} in line {graph.rest.line}"
+        missing[graph.path] = UnresolvedAsset(graph.path, what, "script")
+    nodes = tuple(
+        _node(node, platform, missing, world, is_open=graph.rest is not None)
+        for node in world.nodes_of(graph.path)
+    )
+    return GraphModel(path=graph.path, active=True, attributes=attributes, nodes=nodes)
+
+
+def _setting(
+    value: str | Unknown | None, names: Mapping[str, str], default: PlainValue
+) -> PlainValue:
+    if isinstance(value, Unknown):
+        return f"{{{value.why}}}"
+    return default if value is None else names.get(value, value)
+
+
+def _node(
+    node: BuiltNode,
+    platform: Platform,
+    missing: dict[str, UnresolvedAsset],
+    world: World,
+    *,
+    is_open: bool,
+) -> Node:
+    written = platform.building.compound if node.is_compound else _type_name(node, world)
+    name = platform.type_name(written)
+    kind = platform.types.get(name)
+    made = {
+        full: Port(full, "any", "token")
+        for full, port in node.ports.items()
+        if kind is not None and (port.is_made or full in node.promoted) and kind.port(full) is None
+    }
+    if kind is not None and made:
+        kind = replace(kind, ports={**kind.ports, **made})
+    ports = {
+        full: _state(full, port, kind, node, missing, world) for full, port in node.ports.items()
+    }
+    ports.update(dict(_meant(ports, kind)))
+    return Node(
+        path=node.path,
+        type_name=name,
+        type=kind,
+        version=None,
+        ports=ports,
+        is_local=not is_open,
+        written_type="" if written == name else written,
+    )
+
+
+def _type_name(node: BuiltNode, world: World) -> str:
+    value = node.type
+    if isinstance(value, Text) and value.unknown is None:
+        return value.text
+    text = as_text(value, node.at).text
+    world.unread[value if isinstance(value, Unknown) else Unknown(text.strip("{}"), node.at[0])] = (
+        None
+    )
+    return text
+
+
+def _meant(
+    ports: Mapping[str, PortState], kind: NodeType | None
+) -> Iterator[tuple[str, PortState]]:
+    """Yield the ports that misspelt ones were likely meant to be, with what these hold."""
+    if kind is None:
+        return
+    for name, state in ports.items():
+        if kind.port(name) is None and name.startswith(INPUT):
+            known = [each for each in kind.ports if each.startswith(INPUT)]
+            short = name.partition(":")[2]
+            near = likely_name(name, known) or likely_name(INPUT + short, known)
+            if near is not None and near not in ports:
+                what = state.value if state.value is not None else Unknown(name, 1)
+                is_signal = kind.ports[near].is_execution
+                yield (
+                    near,
+                    PortState(near, "", None if is_signal else what, state.sources, state.targets),
+                )
+
+
+def _state(
+    name: str,
+    built: BuiltPort,
+    kind: NodeType | None,
+    node: BuiltNode,
+    missing: dict[str, UnresolvedAsset],
+    world: World,
+) -> PortState:
+    """Return a port with its value or targets and the sources of its wires."""
+    sources = tuple(built.sources)
+    if built.value is None:
+        return PortState(name, sources=sources)
+    port = None if kind is None else kind.port(name)
+    line = node.at[0] if built.at is None else built.at[0]
+    if port.is_target if port is not None else _is_path(built.value):
+        return PortState(
+            name, _REL, targets=tuple(_targets(built.value, line, missing, world)), sources=sources
+        )
+    value = _plain_value(built.value, line)
+    if isinstance(value, Unknown):
+        world.unread[value] = None
+        return PortState(name, "", value, sources)
+    usd_type = _usd_type(value, port)
+    if port is not None and usd_type == port.usd_type:
+        value = _as_stored(value, port.usd_type)
+    return PortState(name, usd_type, value, sources)
+
+
+def _is_path(value: Value) -> bool:
+    first = value.items[0] if isinstance(value, Items) and value.items else value
+    return isinstance(first, Handles) or (isinstance(first, Text) and first.is_path)
+
+
+def _targets(
+    value: Value, line: int, missing: dict[str, UnresolvedAsset], world: World
+) -> Iterator[str]:
+    """Yield the prims that a value names; one that is unknown has a path that no scene has."""
+    items = (
+        [*value.items, *([value.rest] if value.rest else [])]
+        if isinstance(value, Items)
+        else [value]
+    )
+    for item in items:
+        text = as_text(item, (line, 0, line, 0))
+        path = text.text if text.text.startswith("/") else f"/{text.text}"
+        if text.unknown is not None or isinstance(item, (Unknown, External)):
+            what = text.unknown or Unknown(text.text.strip("{}"), line)
+            world.unread[Unknown(what.why, line)] = None
+            missing.setdefault(path, UnresolvedAsset(path, f"{what.why} in line {line}", "script"))
+        yield path
+
+
+def _plain_value(value: Value, line: int) -> PlainValue | Unknown:
+    try:
+        found = plain(value)
+    except UnknownValueError:
+        if isinstance(value, Text):
+            return Unknown(
+                value.text.strip("{}")
+                if value.text.count("{") == 1
+                and value.text.startswith("{")
+                and value.text.endswith("}")
+                else value.text,
+                line,
+            )
+        if isinstance(value, Unknown):
+            return Unknown(value.why, line)
+        if isinstance(value, External):
+            return Unknown(value.name, line)
+        rest = value.rest if isinstance(value, Items) else None
+        return Unknown(rest.why if rest else "...", line)
+    return Unknown("...", line) if isinstance(found, dict) else _frozen(found)
+
+
+def _frozen(value: Any) -> PlainValue:
+    if isinstance(value, (list, tuple)):
+        return tuple(_frozen(item) for item in value)
+    result: PlainValue = value
+    return result
+
+
+def _usd_type(value: PlainValue, port: Port | None) -> str:
+    """Return the type that a value has: the port's, but for one that it can surely not hold."""
+    if port is None or port.is_union:
+        return "token" if isinstance(value, str) else "double"
+    if isinstance(value, str) and port.usd_type in _NUMBERS:
+        return "string"
+    if isinstance(value, (int, float)) and port.usd_type in _TEXTS:
+        return (
+            "bool" if isinstance(value, bool) else type(value).__name__.replace("float", "double")
+        )
+    return port.usd_type
+
+
+def _as_stored(value: PlainValue, usd_type: str) -> PlainValue:
+    if isinstance(value, tuple):
+        return tuple(_as_stored(item, usd_type.removesuffix("[]").rstrip("234")) for item in value)
+    if isinstance(value, int) and usd_type in _REALS:
+        return float(value)
+    return bool(value) if usd_type == "bool" and isinstance(value, int) else value

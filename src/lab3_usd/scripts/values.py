@@ -1,0 +1,445 @@
+"""What the values of a script are, as far as they are known before it runs.
+
+Numbers, booleans and None stand for themselves. What only a run tells is `Unknown`; within a text
+it leaves a stand-in in braces, as `{args.topic}`.
+"""
+
+from __future__ import annotations
+
+import ast
+from collections.abc import Iterator, Mapping
+from typing import Any, TypeAlias
+
+from msgspec import Struct
+
+from lab3_usd.model.stage import Unknown
+
+Value: TypeAlias = Any
+At = tuple[int, int, int, int]  # line, column, last line and its column, as ast counts them
+
+MOST_ITEMS = 20_000  # of a list
+MOST_LETTERS = 200_000  # of a text
+_LONGEST = 40  # letters of what a stand-in says
+
+
+def place(node: ast.AST) -> At:
+    """Return where a part of the script stands."""
+    line = getattr(node, "lineno", 1)
+    column = getattr(node, "col_offset", 0)
+    last = getattr(node, "end_lineno", None) or line
+    end = getattr(node, "end_col_offset", None)
+    return line, column, last, column if end is None else end
+
+
+def words(node: ast.AST, depth: int = 6) -> str:
+    """Return what a script calls a value, in short."""
+    if depth == 0:
+        return "..."
+    match node:
+        case ast.Name():
+            text = node.id
+        case ast.Attribute():
+            text = f"{words(node.value, depth - 1)}.{node.attr}"
+        case ast.Call():
+            text = f"{words(node.func, depth - 1)}()"
+        case ast.Subscript():
+            text = f"{words(node.value, depth - 1)}[{words(node.slice, depth - 1)}]"
+        case ast.Constant() if (
+            isinstance(node.value, (str, int)) and len(str(node.value)) < _LONGEST
+        ):
+            text = repr(node.value)
+        case ast.Await():
+            text = words(node.value, depth - 1)
+        case _:
+            text = "..."
+    return text if len(text) <= _LONGEST else f"{text[:_LONGEST]}..."
+
+
+def unknown(node: ast.AST) -> Unknown:
+    """Return the value of an expression that only a run tells."""
+    return Unknown(words(node), getattr(node, "lineno", 1))
+
+
+class Piece(Struct, frozen=True):
+    """A literal of the script of which a text was made."""
+
+    text: str
+    at: At
+
+
+class Text(Struct, frozen=True):
+    """A text, with stand-ins for what is unknown of it, and the literals that it was made of.
+
+    `unknown` is the first unknown part. One that `is_path` was made a path of USD.
+    """
+
+    text: str
+    at: At
+    pieces: tuple[Piece, ...] = ()
+    unknown: Unknown | None = None
+    is_path: bool = False
+
+
+class Items:
+    """A list, tuple or set; `rest` is what is not known of it, None where all of it is."""
+
+    __slots__ = ("at", "items", "kind", "rest")
+
+    def __init__(
+        self, items: list[Value], at: At, kind: str = "list", rest: Unknown | None = None
+    ) -> None:
+        """Take the items that are known."""
+        self.items = items
+        self.at = at
+        self.kind = kind
+        self.rest = rest
+
+
+class Table:
+    """A dictionary: its keys and values in order, and what is not known of it.
+
+    `lost` are the keys that a literal has twice, each with the value that does not count.
+    """
+
+    __slots__ = ("at", "keys", "lost", "rest", "values")
+
+    def __init__(self, at: At, rest: Unknown | None = None) -> None:
+        """Start without keys."""
+        self.at = at
+        self.keys: dict[object, Value] = {}
+        self.values: dict[object, Value] = {}
+        self.lost: list[tuple[Value, Value]] = []
+        self.rest = rest
+
+    def set(self, key: Value, value: Value) -> None:
+        """Give a key a value; one that is not known makes the table so."""
+        name = key_of(key)
+        if name is None:
+            self.rest = self.rest or (key if isinstance(key, Unknown) else Unknown("...", 0))
+            return
+        self.keys[name] = key
+        self.values[name] = value
+
+    def get(self, name: object) -> Value | None:
+        """Return the value of a plain key, None without one."""
+        return self.values.get(name)
+
+    def copy(self) -> Table:
+        """Return a table with the same keys."""
+        other = Table(self.at, self.rest)
+        other.keys, other.values = dict(self.keys), dict(self.values)
+        return other
+
+
+class External(Struct, frozen=True):
+    """Something of a module that is not read, by its dotted name."""
+
+    name: str
+    line: int = 0
+
+    @property
+    def last(self) -> str:
+        """The last part of the name."""
+        return self.name.rpartition(".")[2]
+
+
+class Scope:
+    """The names of a module, a class or a function, and the scope around it."""
+
+    __slots__ = ("kind", "names", "outer", "owner", "public", "returns", "stars", "yields")
+
+    def __init__(self, kind: str, outer: Scope | None = None) -> None:
+        """Start without names; `public` are those that are declared global or nonlocal."""
+        self.kind = kind
+        self.names: dict[str, Value] = {}
+        self.outer = outer
+        self.public: dict[str, Scope] = {}
+        self.stars: list[str] = []
+        self.returns: list[Value] = []
+        self.yields: list[Value] | None = None
+        self.owner: Class | None = None
+
+    def find(self, name: str) -> Value | None:
+        """Return the value of a name here or further out, None without one."""
+        if name in self.public:
+            return self.public[name].names.get(name)
+        if name in self.names:
+            return self.names[name]
+        scope = self.outer
+        while scope is not None:
+            if scope.kind != "class" and name in scope.names:
+                return scope.names[name]
+            scope = scope.outer
+        return None
+
+    def has(self, name: str) -> bool:
+        """Whether a name has a value, None being one."""
+        scope: Scope | None = self
+        while scope is not None:
+            if (scope is self or scope.kind != "class") and name in scope.names:
+                return True
+            scope = scope.outer
+        return name in self.public
+
+    def set(self, name: str, value: Value) -> None:
+        """Give a name a value."""
+        self.public.get(name, self).names[name] = value
+
+    def top(self) -> Scope:
+        """Return the scope of the module."""
+        scope = self
+        while scope.outer is not None:
+            scope = scope.outer
+        return scope
+
+
+class Function(Struct, frozen=True, eq=False):
+    """A function of the script; `own` is the object or class that a method belongs to."""
+
+    node: ast.FunctionDef | ast.AsyncFunctionDef | ast.Lambda
+    scope: Scope
+    own: Value | None = None
+    owner: Class | None = None
+    defaults: Mapping[str, Value] = {}
+
+
+class Class:
+    """A class of the script with its attributes, and those of its bases that are known."""
+
+    __slots__ = ("bases", "name", "node", "scope", "set_values")
+
+    def __init__(self, node: ast.ClassDef, scope: Scope, bases: list[Value]) -> None:
+        """Take the body's names, and the bases."""
+        self.node, self.scope, self.bases, self.name = node, scope, bases, node.name
+        self.set_values: dict[str, list[ast.expr]] | None = None
+
+    def lines(self) -> Iterator[Class]:
+        """Yield the class and its bases, nearest first."""
+        seen: list[Class] = [self]
+        for known in seen:
+            yield known
+            seen += [base for base in known.bases if isinstance(base, Class) and base not in seen]
+
+    def assigned(self, name: str) -> list[ast.expr]:
+        """Return what the methods assign to an attribute of their object."""
+        if self.set_values is None:
+            self.set_values = {}
+            for part in ast.walk(self.node):
+                if isinstance(part, (ast.Assign, ast.AnnAssign)) and part.value is not None:
+                    targets = part.targets if isinstance(part, ast.Assign) else [part.target]
+                    for target in targets:
+                        if isinstance(target, ast.Attribute) and isinstance(target.value, ast.Name):
+                            self.set_values.setdefault(target.attr, []).append(part.value)
+        return self.set_values.get(name, [])
+
+    def find(self, name: str) -> tuple[Value, Class] | None:
+        """Return an attribute and the class that has it."""
+        for known in self.lines():
+            if name in known.scope.names:
+                return known.scope.names[name], known
+        return None
+
+
+class Instance:
+    """An object of a class of the script."""
+
+    __slots__ = ("attributes", "type")
+
+    def __init__(self, kind: Class) -> None:
+        """Start without attributes."""
+        self.type = kind
+        self.attributes: dict[str, Value] = {}
+
+
+class Super(Struct, frozen=True, eq=False):
+    """What `super()` gives in a method."""
+
+    own: Value
+    owner: Class
+
+
+class Method(Struct, frozen=True, eq=False):
+    """A function of a value that is no object of the script: of a text, a list, a node."""
+
+    own: Value
+    name: str
+    line: int
+
+
+class Controller:
+    """An object of the controller class, which remembers short names of nodes between its calls."""
+
+    __slots__ = ("names",)
+
+    def __init__(self) -> None:
+        """Start without names."""
+        self.names: dict[str, Any] = {}
+
+
+class GraphHandle(Struct, frozen=True):
+    """A graph as an object."""
+
+    path: str
+
+
+class NodeHandle(Struct, frozen=True):
+    """A node as an object."""
+
+    path: str
+
+
+class AttributeHandle(Struct, frozen=True):
+    """An attribute as an object, of OmniGraph, or of USD where it is `plain`."""
+
+    path: str
+    name: str
+    line: int
+    plain: bool = False
+    is_relationship: bool = False
+
+
+class PrimHandle(Struct, frozen=True):
+    """A prim as an object."""
+
+    path: str
+
+
+Handles = (GraphHandle, NodeHandle, AttributeHandle, PrimHandle)
+
+
+def key_of(key: Value) -> object | None:
+    """Return what tells a key of a dictionary from others, None where that is unknown."""
+    if isinstance(key, Text):
+        return None if key.unknown else key.text
+    if key is None or isinstance(key, (bool, int, float)):
+        return ("", key) if key is None else key
+    if isinstance(key, External):
+        return ("external", key.name)
+    if isinstance(key, Items) and key.kind == "tuple" and key.rest is None:
+        parts = tuple(key_of(item) for item in key.items)
+        return None if None in parts else parts
+    return None
+
+
+def truth(value: Value) -> bool | None:
+    """Return whether a value counts as true, None where that is unknown."""
+    if isinstance(value, (Unknown, External, Method)):
+        return None
+    if isinstance(value, Text):
+        if value.unknown is None:
+            return bool(value.text)
+        return True if any(piece.text for piece in value.pieces) else None
+    if isinstance(value, Items):
+        return True if value.items else None if value.rest else False
+    if isinstance(value, Table):
+        return True if value.values else None if value.rest else False
+    return bool(value) if value is None or isinstance(value, (bool, int, float)) else True
+
+
+def same(one: Value, other: Value, depth: int = 4) -> bool | None:
+    """Return whether two values are equal, None where that is unknown."""
+    if one is other and not isinstance(one, (Unknown, External)):
+        return True
+    if isinstance(one, Text) and isinstance(other, Text):
+        return None if one.unknown or other.unknown else one.text == other.text
+    unsure = (Unknown, External, Method)
+    if isinstance(one, unsure) or isinstance(other, unsure) or depth == 0:
+        return True if one == other and isinstance(one, External) else None
+    if isinstance(one, Items) and isinstance(other, Items):
+        if one.rest or other.rest:
+            return None
+        if len(one.items) != len(other.items):
+            return False
+        found = [same(*pair, depth - 1) for pair in zip(one.items, other.items, strict=True)]
+        return False if False in found else None if None in found else True
+    plain = (bool, int, float, type(None))
+    if isinstance(one, plain) and isinstance(other, plain):
+        return bool(one == other)
+    if isinstance(one, Handles) or isinstance(other, Handles):
+        return bool(one == other) if type(one) is type(other) else False
+    return False
+
+
+def joined(one: Value, other: Value, what: Unknown) -> Value:
+    """Return the value after one of two ways of which it is unknown which was taken."""
+    if one is other or same(one, other):
+        return one
+    return one if isinstance(one, Unknown) and one == other else what
+
+
+class UnknownValueError(Exception):
+    """A value is needed that only a run of the script tells."""
+
+
+def plain(value: Value, depth: int = 12) -> Any:
+    """Return a value as Python has it.
+
+    Raises:
+        UnknownValueError: it is not known, or no plain value.
+    """
+    if depth == 0:
+        raise UnknownValueError
+    if isinstance(value, Text):
+        if value.unknown is not None:
+            raise UnknownValueError
+        return value.text
+    if value is None or isinstance(value, (bool, int, float)):
+        return value
+    if isinstance(value, Items) and value.rest is None:
+        items = [plain(item, depth - 1) for item in value.items]
+        return tuple(items) if value.kind == "tuple" else items
+    if isinstance(value, Table) and value.rest is None:
+        return {
+            plain(value.keys[name], depth - 1): plain(entry, depth - 1)
+            for name, entry in value.values.items()
+        }
+    raise UnknownValueError
+
+
+def lifted(value: Any, at: At) -> Value:
+    """Return a plain value of Python as a value of the script."""
+    if isinstance(value, str):
+        if len(value) > MOST_LETTERS:
+            return Unknown("a long text", at[0])
+        return Text(value, at, (Piece(value, at),))
+    if isinstance(value, (list, tuple, set, frozenset, range)):
+        if len(value) > MOST_ITEMS:
+            return Unknown("a long list", at[0])
+        kind = "tuple" if isinstance(value, tuple) else "list"
+        return Items([lifted(item, at) for item in value], at, kind)
+    if isinstance(value, dict):
+        table = Table(at)
+        for key, entry in value.items():
+            table.set(lifted(key, at), lifted(entry, at))
+        return table
+    if value is None or isinstance(value, (bool, int, float)):
+        return value
+    return Unknown("...", at[0])
+
+
+def as_text(value: Value, at: At) -> Text:
+    """Return a value as a part of a text: what is unknown as a stand-in."""
+    if isinstance(value, Text):
+        return value
+    if isinstance(value, Unknown):
+        return Text(f"{{{value.why}}}", at, (), value)
+    if isinstance(value, External):
+        return Text(f"{{{value.name}}}", at, (), Unknown(value.name, at[0]))
+    if isinstance(value, (GraphHandle, NodeHandle, PrimHandle)):
+        return Text(value.path, at, ())
+    if value is None or isinstance(value, (bool, int, float)):
+        text = str(value)
+        return Text(text, at, (Piece(text, at),))
+    return Text("{...}", at, (), Unknown("...", at[0]))
+
+
+def concatenated(parts: list[Text], at: At) -> Value:
+    """Return texts one after the other."""
+    if sum(len(part.text) for part in parts) > MOST_LETTERS:
+        return Unknown("a long text", at[0])
+    return Text(
+        "".join(part.text for part in parts),
+        at,
+        tuple(piece for part in parts for piece in part.pieces),
+        next((part.unknown for part in parts if part.unknown), None),
+    )
