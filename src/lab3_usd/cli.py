@@ -8,9 +8,10 @@ import gc
 import importlib
 import os
 import sys
+from collections.abc import Callable
 from io import TextIOWrapper
 from pathlib import Path
-from typing import TYPE_CHECKING, Literal, NoReturn
+from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import click
 
@@ -33,6 +34,9 @@ if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
 
 _OUT_OF_REACH = {errno.EACCES, errno.ENAMETOOLONG}  # a path that was given, or one below it
+
+
+_NO_THREAD = "can't start new thread"  # how Python says it
 
 
 class LazyGroup(click.Group):
@@ -103,7 +107,21 @@ def _as_called(command: click.Command) -> click.Command:
             param.help = as_called(param.help)
     if isinstance(named, click.Group):
         named.commands = {name: _as_called(inner) for name, inner in named.commands.items()}
+    else:
+        named.callback = _writing_over_no_input(named.callback)
     return named
+
+
+def _writing_over_no_input(call: Callable[..., Any] | None) -> Callable[..., Any] | None:
+    """Return what a command does, which first looks that it would not write over what it reads."""
+
+    def refuse_then_call(**parameters: Any) -> Any:
+        from lab3_usd.commands.shared.paths import refuse_inputs_as_outputs
+
+        refuse_inputs_as_outputs(click.get_current_context())
+        return None if call is None else call(**parameters)
+
+    return refuse_then_call
 
 
 def _print_version(context: click.Context, _option: click.Parameter, asked: bool) -> None:  # noqa: FBT001
@@ -210,9 +228,9 @@ def main() -> None:
     except click.UsageError as error:
         _fail(_usage_line(error), EXIT_USAGE, "usage")
     except NoRoomError as error:
-        _fail(str(error), EXIT_CRASH, "crash")
+        _fail(_one_line(error), EXIT_CRASH, "crash")
     except (Lab3Error, click.ClickException) as error:
-        _fail(str(error), EXIT_USAGE, "usage")
+        _fail(_one_line(error), EXIT_USAGE, "usage")
     except BrokenPipeError:
         # The reader of a pipe has gone (`lab3 check ... | head`); nothing is left to say.
         _close_output()
@@ -223,6 +241,9 @@ def main() -> None:
             _fail(f"the output cannot be written: {error.strerror}", EXIT_CRASH, "crash")
         if isinstance(error, OSError) and error.errno in _OUT_OF_REACH and error.filename:
             _fail(f"{error.filename}: {error.strerror}", EXIT_USAGE, "usage")
+        if isinstance(error, RuntimeError) and str(error) == _NO_THREAD:
+            line = "the system starts no more threads for this user; end other programs"
+            _fail(line, EXIT_CRASH, "crash")
         _fail(f"internal error, please report it: {described(error)}", EXIT_CRASH, "crash")
 
 
@@ -244,6 +265,12 @@ def _close_output() -> None:
 def _usage_line(error: click.UsageError) -> str:
     help_hint = "" if error.ctx is None else f" (see {error.ctx.command_path} --help)"
     return f"{error.format_message()}{help_hint}"
+
+
+def _one_line(error: Exception) -> str:
+    from lab3_usd.report.safe_text import visible
+
+    return visible(str(error))
 
 
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:

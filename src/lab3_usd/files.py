@@ -46,7 +46,6 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
             with target.open("wb") as file:
                 file.writelines(parts)
             return
-        target.parent.mkdir(parents=True, exist_ok=True)
         temporary = temporary_beside(target, _HALF)
         try:
             with temporary.open("wb") as file:
@@ -56,6 +55,19 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
             temporary.unlink(missing_ok=True)
     except OSError as error:
         raise unwritten(target, error) from error
+
+
+def make_folder(folder: Path) -> None:
+    """Make a folder for what a command writes, and those above it, where they do not exist.
+
+    Raises:
+        UsageError: it cannot be made, or a file has its name.
+        NoRoomError: the disk is full.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise unwritten(folder, error) from error
 
 
 def _is_among_devices(path: Path) -> bool:

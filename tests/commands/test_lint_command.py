@@ -97,7 +97,7 @@ def test_several_processes_find_the_same(broken: Path) -> None:
         (["no.usda"], "there is no such file or folder"),
         (["{stage}", "--isaac", "4.0"], "known are 5.0, 5.1, 6.0"),
         (["{stage}", "--select", "Y99"], "there is no rule or family"),
-        (["{stage}", "-o", "{stage}"], "write the report elsewhere"),
+        (["{stage}", "-o", "{stage}"], "name another file"),
         (["{folder}/empty"], "holds no stage"),
     ],
 )

@@ -29,7 +29,7 @@ REFUSED = {
     "fix STAGE --isaac 5.0": "--isaac goes with --lint",
     "fix STAGE OTHER -o fixed.usda": "--output goes with one stage",
     "fix STAGE -o fixed.usdc": "must end in .usda",
-    "fix STAGE -o STAGE": "is the stage itself",
+    "fix STAGE -o STAGE": "use --in-place",
     "sim STAGE --topic /cmd_vel": "commands have a topic",
 }
 

@@ -9,6 +9,7 @@ from pathlib import Path
 import click
 
 from lab3_usd.commands.shared.options import color_option, complete_checkpoints, text_or_json
+from lab3_usd.commands.shared.paths import Input, MapInput, OutputReport, RecordingInput
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.installation import install_command
@@ -17,7 +18,7 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 
 
 @click.command("bag")
-@click.argument("recording", type=click.Path(path_type=Path))
+@click.argument("recording", type=RecordingInput(path_type=Path))
 @click.option(
     "--checkpoint",
     metavar="NN",
@@ -26,17 +27,17 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 )
 @click.option(
     "--stage",
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     help="Compare with the dry run of this stage, topic by topic.",
 )
 @click.option(
     "--maps",
-    type=click.Path(path_type=Path),
+    type=MapInput(path_type=Path),
     help="The map, or its folder, to compare the scan with, instead of the recorded one.",
 )
 @text_or_json
 @color_option
-@click.option("--page", type=click.Path(path_type=Path), help="Write an HTML page to this file.")
+@click.option("--page", type=OutputReport(path_type=Path), help="Write an HTML page to this file.")
 def command(
     recording: Path,
     checkpoint: str | None,
@@ -55,12 +56,7 @@ def command(
     failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
-    from lab3_usd.commands.shared.options import (
-        checkpoint_number,
-        refuse_page,
-        wants_color,
-        width,
-    )
+    from lab3_usd.commands.shared.options import checkpoint_number, wants_color, width
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.behaviour import text
     from lab3_usd.spec.load.loader import load_lab
@@ -72,7 +68,6 @@ def command(
     from lab3_usd.sim.bag.differences import differences
     from lab3_usd.sim.bag.judge import judge_recording
 
-    refuse_page(page)
     lab = load_lab()
     names = [recording.name, stage.name if stage is not None else ""]
     number = next(filter(None, (checkpoint_of(name, lab) for name in names)), "")

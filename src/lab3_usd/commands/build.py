@@ -7,19 +7,24 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import checkpoint_number, complete_checkpoints
+from lab3_usd.commands.shared.options import (
+    checkpoint_number,
+    complete_checkpoints,
+    echo,
+)
+from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 
 
 @click.command("build")
-@click.argument("starter", required=False, type=click.Path(path_type=Path))
+@click.argument("starter", required=False, type=Input(path_type=Path))
 @click.option(
     "--out",
     "-o",
     "folder",
     required=True,
-    type=click.Path(path_type=Path),
+    type=OutputFolder(path_type=Path),
     help="Folder for the checkpoint files; created if it does not exist.",
 )
 @click.option(
@@ -66,15 +71,17 @@ def command(
     numbers = _numbers(list(lab.checkpoints), through, only)
     form = form or ("usda" if lab.submission.stages.endings[0] == ".usda" else "usdc")
     options = BuildOptions(form, lidar_asset, force)
+    plan = plan_files(lab, folder, numbers, form)
+    refuse_inputs(plan)
     try:
-        files = build_files(lab, starter, plan_files(lab, folder, numbers, form), options)
+        files = build_files(lab, starter, plan, options)
     except StarterError as error:
-        click.echo(f"{program()}: {error}:", err=True)
+        echo(f"{program()}: {error}:", err=True)
         for reason in error.reasons:
-            click.echo(f"  {reason}", err=True)
+            echo(f"  {reason}", err=True)
         sys.exit(EXIT_FOUND)
     for file in files:
-        click.echo(str(file))
+        echo(str(file))
     if starter is not None:
         _warn_of_deviations(starter)
 
@@ -104,10 +111,10 @@ def _warn_of_deviations(starter: Path) -> None:
 
     lab = load_lab()
     for prim, message in deviations(lab, open_stage(starter)):
-        click.echo(f"warning: {prim}: {message}", err=True)
+        echo(f"warning: {prim}: {message}", err=True)
     added = {"graphs": (), "new": (), "sensors": (), "new_sensors": ()}
     bare = replace(lab.checkpoints[lab.first], **added, frames=False, topics=False)
     lab = replace(lab, checkpoints={**lab.checkpoints, lab.first: bare})
     for finding in check_stage(starter, lab.first, lab).findings:
         if finding.severity != "note":
-            click.echo(f"warning: {finding.prim}: {finding.message}", err=True)
+            echo(f"warning: {finding.prim}: {finding.message}", err=True)

@@ -20,6 +20,7 @@ from lab3_usd.commands.shared.options import (
     view_options,
     with_config,
 )
+from lab3_usd.commands.shared.paths import Input, MapInput
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 
@@ -29,15 +30,15 @@ if TYPE_CHECKING:
 
 
 @click.command("check")
-@click.argument("paths", nargs=-1, required=True, type=click.Path())
+@click.argument("paths", nargs=-1, required=True, type=Input())
 @click.option(
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
     help="Judge at this checkpoint, regardless of the name.",
 )
-@click.option("--starter", type=click.Path(), help="The supplied starter, to compare with.")
-@click.option("--maps", type=click.Path(), help="Folder that holds the map files.")
+@click.option("--starter", type=Input(), help="The supplied starter, to compare with.")
+@click.option("--maps", type=MapInput(), help="Folder that holds the map files.")
 @click.option("--sim", is_flag=True, help="Also play each stage, and note its faults.")
 @assets_option
 @native_option

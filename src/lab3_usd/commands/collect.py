@@ -6,7 +6,10 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import script_options
+from lab3_usd.commands.shared.options import (
+    echo,
+    script_options,
+)
 
 
 @click.command("collect")
@@ -24,4 +27,4 @@ def command(script: Path, *, force: bool) -> None:
 
     write_whole(script, collect_script(load_lab()).encode(), force=force)
     script.chmod(0o755)
-    click.echo(script)
+    echo(script)

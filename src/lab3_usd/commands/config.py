@@ -9,6 +9,7 @@ from typing import Any
 import click
 
 from lab3_usd.commands.shared.options import config_options
+from lab3_usd.commands.shared.paths import Input
 from lab3_usd.data import LAB_VARIABLE
 
 _DEFAULTS = {
@@ -28,7 +29,7 @@ _DEFAULTS = {
 
 
 @click.command("config")
-@click.argument("path", default=".", type=click.Path(path_type=Path))
+@click.argument("path", default=".", type=Input(path_type=Path))
 @config_options
 def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
     """Print the configuration with which PATH is checked, and the source of each value.

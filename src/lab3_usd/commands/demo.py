@@ -8,9 +8,11 @@ from pathlib import Path
 import click
 from msgspec import Struct, json
 
+from lab3_usd.commands.shared.options import echo
+from lab3_usd.commands.shared.paths import OutputFolder, refuse_inputs
 from lab3_usd.data import data_folder, program
 from lab3_usd.errors import UsageError
-from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.files import make_folder, refuse_existing, write_whole
 from lab3_usd.installation import command_line
 from lab3_usd.model.changes import Connect, Edit, RemovePrim, Repair, SetValue
 
@@ -40,7 +42,7 @@ class Demo(Struct, frozen=True):
 
 
 @click.command("demo")
-@click.argument("folder", metavar="[DIR]", default=".", type=click.Path(path_type=Path))
+@click.argument("folder", metavar="[DIR]", default=".", type=OutputFolder(path_type=Path))
 @click.option("--force", is_flag=True, help="Replace files that exist.")
 def command(folder: Path, *, force: bool) -> None:
     """Make stages to try the program on.
@@ -58,16 +60,18 @@ def command(folder: Path, *, force: bool) -> None:
     numbers = list(lab.checkpoints)
     plan = plan_files(lab, folder / "tour", numbers[: numbers.index(demo.checkpoint) + 1], "usda")
     copy, robot = folder / "mine" / f"{lab.checkpoints[demo.checkpoint].file}.usda", folder / LINTED
+    refuse_inputs((*plan, copy, robot))
     for target in (copy, robot):
         refuse_existing(target, force=force)
     files = build_files(lab, None, plan, BuildOptions("usda", force=force))
+    make_folder(copy.parent)
     write_whole(copy, _with_mistakes(files[-1], demo), force=force)
     write_whole(robot, (data_folder(EXAMPLES) / LINTED).read_bytes(), force=force)
     for file in (*files, copy, robot):
-        click.echo(str(file))
+        echo(str(file))
     click.echo("try:")
     for words in (("check", copy), ("fix", copy, "--diff"), ("lint", robot)):
-        click.echo(f"  {command_line(program(), *map(str, words))}")
+        echo(f"  {command_line(program(), *map(str, words))}")
 
 
 def _with_mistakes(correct: Path, demo: Demo) -> bytes:

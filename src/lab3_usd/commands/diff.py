@@ -11,9 +11,16 @@ from typing import TYPE_CHECKING
 import click
 from msgspec.structs import replace
 
-from lab3_usd.commands.shared.options import assets_option, terminal_width, text_or_json, use_config
+from lab3_usd.commands.shared.options import (
+    assets_option,
+    echo,
+    terminal_width,
+    text_or_json,
+    use_config,
+)
+from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.errors import EXIT_FOUND, unwritten
-from lab3_usd.files import refuse_existing, temporary_beside, write_whole
+from lab3_usd.files import make_folder, refuse_existing, temporary_beside, write_whole
 
 if TYPE_CHECKING:
     from lab3_usd.diff import Comparison
@@ -21,12 +28,12 @@ if TYPE_CHECKING:
 
 
 @click.command("diff")
-@click.argument("before", type=click.Path(path_type=Path))
-@click.argument("after", type=click.Path(path_type=Path))
+@click.argument("before", type=Input(path_type=Path))
+@click.argument("after", type=Input(path_type=Path))
 @text_or_json
 @click.option(
     "--pictures",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(path_type=Path),
     metavar="FOLDER",
     help="Draw each graph that differs into this folder, as SVG.",
 )
@@ -60,11 +67,13 @@ def command(
         from lab3_usd.report.picture.svg import svg_file
 
         drawn = {pictures / name: picture for name, picture in _pictures(comparison)}
+        refuse_inputs(drawn)
         for path in drawn:
             refuse_existing(path, force=force)
+        make_folder(pictures)
         for path, picture in drawn.items():
             write_whole(path, svg_file(picture, "auto").encode(), force=force)
-            click.echo(path, err=True)
+            echo(path, err=True)
     if form == "json":
         click.echo(diff.render(comparison.diff), nl=False)
     else:

@@ -16,11 +16,13 @@ from lab3_usd.commands.shared.options import (
     assets_option,
     checkpoint_number,
     complete_checkpoints,
+    echo,
     use_config,
 )
+from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
-from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.files import make_folder, refuse_existing, write_whole
 from lab3_usd.report.picture.picture_file import ENDINGS, encoder
 from lab3_usd.report.picture.svg import THEMES
 
@@ -33,13 +35,13 @@ TREE = "TF"
 
 
 @click.command("draw")
-@click.argument("target", metavar="FILE|GRAPH")
+@click.argument("target", metavar="FILE|GRAPH", type=Input())
 @click.option(
     "--out",
     "-o",
     "folder",
     required=True,
-    type=click.Path(path_type=Path),
+    type=OutputFolder(path_type=Path),
     help="Folder for the pictures; created if it does not exist.",
 )
 @click.option(
@@ -104,13 +106,15 @@ def command(target: str, folder: Path, **options: Any) -> None:
             f"{target}: has no Action Graph and no TF tree, so there is nothing to draw"
         )
     paths = list(_paths(drawing, folder, ENDINGS[form]))
+    refuse_inputs(paths)
     for path in paths:
         refuse_existing(path, force=force)
+    make_folder(folder)
     for path, picture in zip(paths, drawing.pictures, strict=True):
         write_whole(path, encode(picture), force=force)
-        click.echo(path)
+        echo(path)
     for crash in drawing.crashes:
-        click.echo(f"{program()}: rule {crash.rule} failed: {crash.error}", err=True)
+        echo(f"{program()}: rule {crash.rule} failed: {crash.error}", err=True)
     if drawing.crashes:
         sys.exit(EXIT_CRASH)
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -22,6 +22,7 @@ from lab3_usd.commands.shared.options import (
     rules_options,
     with_config,
 )
+from lab3_usd.commands.shared.paths import Input, OutputRepair
 from lab3_usd.commands.shared.reporting import selected_findings
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
@@ -44,6 +45,7 @@ from lab3_usd.report.safe_text import visible
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 from lab3_usd.stage.read.opening import check_file
+from lab3_usd.stage.read.watched_files import used_files
 
 _TEXT = b"#usda"
 
@@ -100,8 +102,6 @@ def _check_options(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
         raise UsageError("--output goes with one stage; use --in-place")
     if output.suffix.lower() != stages[0].suffix.lower():
         raise UsageError(f"{output}: must end in {stages[0].suffix}, as the stage does")
-    if output.exists() and output.samefile(stages[0]):
-        raise UsageError(f"{output}: is the stage itself; use --in-place")
 
 
 def _fix(stage: Path, options: Mapping[str, Any]) -> int:
@@ -126,15 +126,31 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
     if options["output"] is not None:
         data = next(iter(fixed.files.values()), stage.read_bytes())
         refuse_existing(options["output"], force=options["force"])
+        _refuse_layers([options["output"]], stage, options["starter"])
         check_result(fixed, data, options["output"])
         write_whole(options["output"], data, force=options["force"])
         click.echo(f"written: {_shown(options['output'])}")
     elif options["in_place"]:
+        _refuse_layers(fixed.files, options["starter"])
         _replace(fixed, keep=not options["no_orig"], force=options["force"])
     _print_findings(stage, fixed, options)
     is_preview = not (options["output"] or options["in_place"]) and fixed.files
     remain = any(finding.severity == "error" or finding.fix is not None for finding in fixed.left)
     return 1 if remain or is_preview else 0
+
+
+def _refuse_layers(outputs: Iterable[Path], *stages: Path | str | None) -> None:
+    """Refuse to write over a file of a stage that is only read.
+
+    Raises:
+        UsageError: an output is one.
+    """
+    existing = [path for path in outputs if path.exists()]
+    for stage in stages if existing else ():
+        used = frozenset[str]() if stage is None else used_files(Path(stage))
+        for path in existing:
+            if os.path.realpath(path) in used:
+                raise UsageError(f"{path}: is a file of {stage}, which this command reads")
 
 
 def _diffs(fixed: Fixed) -> Iterator[str]:
@@ -217,14 +233,14 @@ def _line(finding: Finding) -> str:
 
 
 @click.command("fix")
-@click.argument("paths", nargs=-1, required=True, metavar="STAGE...", type=click.Path())
+@click.argument("paths", nargs=-1, required=True, metavar="STAGE...", type=Input())
 @click.option(
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
     help="Judge at this checkpoint, regardless of the name.",
 )
-@click.option("--starter", type=click.Path(), help="Restore missing parts from this starter.")
+@click.option("--starter", type=Input(), help="Restore missing parts from this starter.")
 @click.option("--lint", is_flag=True, help="Repair the findings of lab3 lint.")
 @click.option(
     "--isaac",
@@ -235,7 +251,7 @@ def _line(finding: Finding) -> str:
 @click.option("--diff", is_flag=True, help="Print the changes, and write nothing.")
 @click.option("--unsafe", is_flag=True, help="Also add, remove and move prims, and what is likely.")
 @click.option(
-    "--output", "-o", type=click.Path(path_type=Path), help="Write the repaired stage here."
+    "--output", "-o", type=OutputRepair(path_type=Path), help="Write the repaired stage here."
 )
 @click.option("--in-place", is_flag=True, help="Replace the file; keep the old one as NAME.orig.")
 @click.option("--no-orig", is_flag=True, help="With --in-place: keep no NAME.orig.")

@@ -21,6 +21,14 @@ from lab3_usd.commands.shared.options import (
     lab_words,
     understands_ansi,
 )
+from lab3_usd.commands.shared.paths import (
+    ChangedFolder,
+    Input,
+    MapInput,
+    OutputFolder,
+    refuse_inputs,
+    refuse_missing_folder,
+)
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 
@@ -66,10 +74,10 @@ def _refuse_empty(
 
 
 @click.command("grade")
-@click.argument("submissions", callback=_refuse_empty, required=False)
+@click.argument("submissions", callback=_refuse_empty, required=False, type=Input(readable=False))
 @click.option(
     "--starter",
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     metavar="FILE",
     help="The supplied starter: stages are compared with it, and may refer to its files.",
 )
@@ -77,7 +85,7 @@ def _refuse_empty(
     "--output",
     "-o",
     "out",
-    type=click.Path(path_type=Path),
+    type=OutputFolder(path_type=Path),
     metavar="PATH",
     help="Folder for the gradebook, new or empty except with --resume; with --format, a file.",
 )
@@ -89,7 +97,7 @@ def _refuse_empty(
 )
 @click.option(
     "--rubric",
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     metavar="FILE",
     help="Rubric with the points; by default the handout's check-off list.",
 )
@@ -118,7 +126,7 @@ def _refuse_empty(
 @assets_option
 @click.option(
     "--maps",
-    type=click.Path(path_type=Path),
+    type=MapInput(path_type=Path),
     metavar="PATH",
     help="The supplied map, its YAML or folder: maps are compared with it, missing ones replaced.",
 )
@@ -134,13 +142,13 @@ def _refuse_empty(
 )
 @click.option(
     "--regrade",
-    type=click.Path(path_type=Path),
+    type=ChangedFolder(path_type=Path),
     metavar="FOLDER",
     help="Count the points of this gradebook again by --rubric, without submissions.",
 )
 @click.option(
     "--adjust",
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     metavar="FILE",
     help="Table of student, item, points and text: what you decide by hand.",
 )
@@ -151,7 +159,7 @@ def _refuse_empty(
 )
 @click.option(
     "--roster",
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     metavar="FILE",
     help="The platform's own export of its gradebook, for --gradebook.",
 )
@@ -160,7 +168,7 @@ def _refuse_empty(
 @click.option(
     "--map",
     "given",
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     metavar="FILE",
     help="Table of submission and id, or classroom_roster.csv, for --gradebook.",
 )
@@ -220,8 +228,27 @@ def _check(submissions: str | None, options: dict[str, Any]) -> None:
     if options["adjust"] and submissions is None and options["regrade"] is None:
         raise UsageError("--adjust goes with SUBMISSIONS or --regrade, which count the points")
     _check_export(options)
+    _check_tables(options)
     if options["dry_run"] and (submissions is not None or options["regrade"] is not None):
         raise UsageError("--dry-run writes nothing: grade first, then give it with --gradebook")
+
+
+def _check_tables(options: dict[str, Any]) -> None:
+    """Refuse a gradebook, or a result, whose files would replace what is read.
+
+    Raises:
+        UsageError: they would, or a result has no folder to lie in.
+    """
+    out = options["out"] or options["regrade"]
+    if out is None:
+        return
+    if options["form"] is not None:
+        refuse_missing_folder(out)
+        refuse_inputs([out])
+        return
+    from lab3_usd.grade.gradebook import TABLES
+
+    refuse_inputs(out / name for name in TABLES)
 
 
 def _check_export(options: dict[str, Any]) -> None:
@@ -368,13 +395,16 @@ def _graded_or_continued(settings: ClassSettings) -> Rows:
 def _command_to_continue(submissions: Path | str) -> str:
     """Return this command with --resume; what is secret in an address is left out."""
     from lab3_usd.grade.intake.addresses import shown
+    from lab3_usd.grade.workers.scheduler import shown_scheduler
     from lab3_usd.installation import command_line
 
     context = click.get_current_context()
     names = {str(option.name) for option in context.command.params} - {"resume", "force"}
     called = (program(), *lab_words(context), "grade", shown(submissions))
-    words = command_line(*called, *given_words(context, names), "--resume")
-    is_whole = shown(submissions) == str(submissions)
+    own, cluster = list(given_words(context, names)), context.params["cluster"]
+    public = [shown_scheduler(word) if word == cluster else word for word in own]
+    words = command_line(*called, *public, "--resume")
+    is_whole = shown(submissions) == str(submissions) and public == own
     return words if is_whole else f"{words} (with what stood in place of ***, a secret)"
 
 
@@ -417,7 +447,7 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
     from lab3_usd.grade.workers.messages import PoolSettings
 
     out = options["out"]
-    if out is not None and out.resolve().is_relative_to(submission.resolve()):
+    if out is not None and Path(os.path.realpath(out)).is_relative_to(submission.resolve()):
         raise UsageError(f"{out}: lies in what is graded; choose another -o")
     settings = PoolSettings(
         options["starter"],

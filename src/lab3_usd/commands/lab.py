@@ -11,9 +11,11 @@ from pathlib import Path
 
 import click
 
+from lab3_usd.commands.shared.options import echo
+from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.data import data_folder, lab_folder, program
 from lab3_usd.errors import EXIT_FOUND, SpecError, UsageError
-from lab3_usd.files import write_whole
+from lab3_usd.files import make_folder, refuse_existing, write_whole
 from lab3_usd.grade.lab_schemas import FOLDER, schema_of, schema_texts, with_schema
 from lab3_usd.new_lab.checkpoints import Step
 from lab3_usd.new_lab.lab import describe_lab, refuse_existing_folder, write_folder
@@ -46,25 +48,25 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
     named = {name: with_schema(name, text) for name, text in description.files.items()}
     write_folder(folder, {**named, **schema_texts()})
     for name in description.files:
-        click.echo(folder / name)
-    click.echo(folder / FOLDER)
+        echo(folder / name)
+    echo(folder / FOLDER)
     for reason in description.left_out:
-        click.echo(f"left out: {reason}")
+        echo(f"left out: {reason}")
     try:
         described = assemble(folder)
     except SpecError as error:
-        click.echo(f"error {error}")
-        click.echo(f"{folder}: cannot be loaded, no stage was judged by it")
+        echo(f"error {error}")
+        echo(f"{folder}: cannot be loaded, no stage was judged by it")
         return EXIT_FOUND
     faults = _say_faults(described, stages)
     passes = not faults
     undecided = [fault for fault in faults if fault.severity == "error"]
     for fault in undecided:
         place = place_of(folder, fault.place)
-        click.echo(f"to be decided by you: {place}: {fault.key}")
+        echo(f"to be decided by you: {place}: {fault.key}")
     if undecided:
         then = f"then run {program()} lab check {folder}"
-        click.echo(f"{folder}: no stage was judged, as no command loads this lab yet; {then}")
+        echo(f"{folder}: no stage was judged, as no command loads this lab yet; {then}")
         return EXIT_FOUND
     steps = description.steps[-len(stages) :]
     for stage, step in zip(stages, steps, strict=True):
@@ -102,12 +104,12 @@ def _say_faults(lab: Lab, stages: Sequence[Path], *, build: bool = False) -> lis
             faults += described_faults(lab)
     for fault in faults:
         place = place_of(lab.folder, fault.place)
-        click.echo(f"{fault.severity} {fault}" + (f", at {place}" if place else ""))
+        echo(f"{fault.severity} {fault}" + (f", at {place}" if place else ""))
     numbers = Counter(fault.severity for fault in faults)
     counts = (
         f"{numbers[word]} {word}{'s' * (numbers[word] != 1)}" for word in ("error", "warning")
     )
-    click.echo(f"{lab.title}: {', '.join(counts)}")
+    echo(f"{lab.title}: {', '.join(counts)}")
     return faults
 
 
@@ -124,21 +126,21 @@ def _judge(stage: Path, step: Step, lab: Lab) -> bool:
     result = check_stage(stage, step.id, lab)
     for finding in result.findings:
         if finding.severity == "error":
-            click.echo(f"error {finding.rule} {finding.prim}: {printable(finding.message)}")
+            echo(f"error {finding.rule} {finding.prim}: {printable(finding.message)}")
     for gap in result.gaps:
-        click.echo(f"not judged: {printable(str(gap))}")
+        echo(f"not judged: {printable(str(gap))}")
     shown = f"{stage}: checkpoint {step.id}, {result.verdict}, {score_text(result.score)}"
     is_played = bool(lab.checkpoints[step.id].graphs)
     if not is_played:
-        click.echo(shown)
+        echo(shown)
         return result.verdict == "pass"
     behaviour = dry_run(stage, lab, step.id).behaviour
     for check in behaviour.checks:
         if check.verdict == "bad":
-            click.echo(f"sim: {check.name}: {printable(check.text)}")
+            echo(f"sim: {check.name}: {printable(check.text)}")
     if behaviour.verdict == "not judged":
-        click.echo(f"sim: not judged: {printable(behaviour.missing)}")
-    click.echo(f"{shown}; sim {behaviour.verdict}")
+        echo(f"sim: not judged: {printable(behaviour.missing)}")
+    echo(f"{shown}; sim {behaviour.verdict}")
     return result.verdict == "pass" and behaviour.verdict == "ok"
 
 
@@ -148,12 +150,12 @@ def command() -> None:
 
 
 @command.command("check")
-@click.argument("folder", metavar="[DIR]", required=False, type=click.Path(path_type=Path))
+@click.argument("folder", metavar="[DIR]", required=False, type=Input(path_type=Path))
 @click.option(
     "--from",
     "stages",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     metavar="STAGE",
     help="A stage of the lab: a target that neither a stage nor the starter has is an error.",
 )
@@ -174,13 +176,13 @@ def check(folder: Path | None, stages: tuple[Path, ...]) -> None:
 
 
 @command.command("new")
-@click.argument("folder", metavar="DIR", type=click.Path(path_type=Path))
-@click.argument("stages", metavar="STAGE...", nargs=-1, type=click.Path(path_type=Path))
+@click.argument("folder", metavar="DIR", type=OutputFolder(path_type=Path))
+@click.argument("stages", metavar="STAGE...", nargs=-1, type=Input(path_type=Path))
 @click.option(
     "--from",
     "more",
     multiple=True,
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     metavar="STAGE",
     help="The same as a further STAGE.",
 )
@@ -227,9 +229,10 @@ def _by_number(file: Path) -> list[tuple[int, str]]:
 @command.command("schema")
 @click.argument("file", required=False)
 @click.option(
-    "--out", type=click.Path(path_type=Path, file_okay=False), help="Write all schemas here."
+    "--out", type=OutputFolder(path_type=Path, file_okay=False), help="Write all schemas here."
 )
-def schema(file: str | None, out: Path | None) -> None:
+@click.option("--force", is_flag=True, help="With --out: replace files that exist.")
+def schema(file: str | None, out: Path | None, *, force: bool) -> None:
     """Print the JSON schema of a file of a lab, or write all schemas.
 
     FILE is its name, such as scene.yaml; a name of none of the fixed files is that of a graph.
@@ -241,8 +244,15 @@ def schema(file: str | None, out: Path | None) -> None:
     if file is not None:
         click.echo(json.dumps(schema_of(Path(file).name), indent=1, ensure_ascii=False))
     if out is not None:
-        for name, text in schema_texts().items():
-            path = out / Path(name).name
-            path.parent.mkdir(parents=True, exist_ok=True)
-            write_whole(path, text.encode(), force=True)
-            click.echo(path)
+        files = {out / Path(name).name: text.encode() for name, text in schema_texts().items()}
+        refuse_inputs(path for path, text in files.items() if not _holds(path, text))
+        for path, text in files.items():
+            refuse_existing(path, force=force or _holds(path, text))
+        make_folder(out)
+        for path, text in files.items():
+            write_whole(path, text, force=True)
+            echo(path)
+
+
+def _holds(path: Path, content: bytes) -> bool:
+    return path.is_file() and path.read_bytes() == content

@@ -17,6 +17,7 @@ from lab3_usd.commands.shared.options import (
     view_options,
     with_config,
 )
+from lab3_usd.commands.shared.paths import Input
 from lab3_usd.errors import UsageError
 
 # What lab3 fix asks for besides the options of lab3 lint.
@@ -30,7 +31,7 @@ _AS_FIX = {
 
 
 @click.command("lint")
-@click.argument("paths", nargs=-1, required=True, type=click.Path())
+@click.argument("paths", nargs=-1, required=True, type=Input())
 @click.option(
     "--isaac",
     "release",

@@ -8,8 +8,10 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
+from lab3_usd.commands.shared.options import echo
+from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.errors import UsageError
-from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.files import make_folder, refuse_existing, write_whole
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
@@ -41,13 +43,13 @@ PLACE = Metres(-FARTHEST, FARTHEST)
 
 
 @click.command("map")
-@click.argument("stage", type=click.Path(path_type=Path))
+@click.argument("stage", type=Input(path_type=Path))
 @click.option(
     "-o",
     "--out",
     "folder",
     required=True,
-    type=click.Path(path_type=Path, file_okay=False),
+    type=OutputFolder(path_type=Path, file_okay=False),
     help="Folder for the map's YAML and image.",
 )
 @click.option("--resolution", type=Metres(0.001, 100.0), metavar="M", help="Metres per cell.")
@@ -77,6 +79,7 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     if spec is None:
         raise UsageError(f"{lab.title} has no map: its scene.yaml describes none")
     yaml_file, image_file = folder / spec.yaml, folder / spec.image
+    refuse_inputs((yaml_file, image_file))
     for file in (yaml_file, image_file):
         refuse_existing(file, force=force)
     width, height = options["size"] or (spec.width, spec.height)
@@ -95,9 +98,11 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
         origin=(*frame.origin, spec.origin[2]),
         **{key: getattr(spec, key) for key in ("mode", "negate", "occupied_thresh", "free_thresh")},
     )
+    make_folder(folder)
     write_whole(image_file, pgm(drawn.grid), force=force)
     write_whole(yaml_file, map_yaml(described).encode(), force=force)
-    click.echo(f"{yaml_file}\n{image_file}")
+    echo(yaml_file)
+    echo(image_file)
 
 
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
@@ -112,9 +117,9 @@ def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:
     cut = slice_stage(open_stage(stage), SliceOptions(robot, lab.lidar_link, height))
     if cut.missing:
         assets = plural(cut.missing, "missing asset")
-        click.echo(f"warning: the map lacks the content of {assets}", err=True)
+        echo(f"warning: the map lacks the content of {assets}", err=True)
     for path in cut.not_cut:
-        click.echo(f"warning: the map lacks {path}, a shape that cannot be cut", err=True)
+        echo(f"warning: the map lacks {path}, a shape that cannot be cut", err=True)
     if not cut.segments:
         raise UsageError(
             f"{stage}: has nothing that collides at a height of {cut.height:g} m, give --height"

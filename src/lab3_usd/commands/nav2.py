@@ -6,6 +6,9 @@ from pathlib import Path
 
 import click
 
+from lab3_usd.commands.shared.options import echo
+from lab3_usd.commands.shared.paths import OutputFolder, refuse_inputs
+
 
 @click.command("nav2")
 @click.option(
@@ -13,7 +16,7 @@ import click
     "--out",
     "folder",
     required=True,
-    type=click.Path(path_type=Path, file_okay=False),
+    type=OutputFolder(path_type=Path, file_okay=False),
     help="Folder for the files.",
 )
 @click.option("--force", is_flag=True, help="Replace files that exist.")
@@ -24,11 +27,15 @@ def command(folder: Path, *, force: bool) -> None:
     run in ROS. Files that exist are kept.
     """
     from lab3_usd.deliverables.scripts import nav2_files, write_nav2
+    from lab3_usd.files import make_folder
     from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()
-    written, kept = write_nav2(folder, nav2_files(lab, lab.ros), force=force)
+    files = nav2_files(lab, lab.ros)
+    refuse_inputs(folder / name for name in files)
+    make_folder(folder)
+    written, kept = write_nav2(folder, files, force=force)
     for path in written:
-        click.echo(path)
+        echo(path)
     for path in kept:
-        click.echo(f"{path} exists and was kept, --force replaces it", err=True)
+        echo(f"{path} exists and was kept, --force replaces it", err=True)

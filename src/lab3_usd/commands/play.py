@@ -6,7 +6,10 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import script_options
+from lab3_usd.commands.shared.options import (
+    echo,
+    script_options,
+)
 from lab3_usd.data import program
 from lab3_usd.deliverables.scripts import fill_template
 from lab3_usd.errors import UsageError
@@ -72,4 +75,4 @@ def command(script: Path, *, force: bool) -> None:
     from lab3_usd.spec.load.loader import load_lab
 
     write_whole(script, isaac_script(load_lab(), script).encode(), force=force)
-    click.echo(script)
+    echo(script)

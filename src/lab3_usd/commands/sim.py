@@ -17,10 +17,10 @@ from lab3_usd.commands.shared.options import (
     assets_option,
     color_option,
     complete_checkpoints,
-    refuse_page,
     text_or_json,
     use_config,
 )
+from lab3_usd.commands.shared.paths import Input, MapInput, OutputFolder, OutputReport
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 from lab3_usd.installation import install_command
@@ -121,13 +121,12 @@ def closing_lines(lived: Lived) -> Iterator[str]:
     yield f"{lived.played:.1f} s played{slow}; {lived.commands} commands received"
 
 
-def _check_outputs(page: Path | None, bag: Path | None) -> None:
-    """Refuse what cannot be written, before anything is played.
+def _check_bag(bag: Path | None) -> None:
+    """Refuse a bag that cannot be written, before anything is played.
 
     Raises:
-        UsageError: the page has the ending of a stage, the bag is there, or the extra is not.
+        UsageError: it is there already, or the extra is not installed.
     """
-    refuse_page(page)
     message = ""
     if bag is not None and bag.exists():
         message = f"--bag {bag}: exists already; name a new folder"
@@ -138,7 +137,7 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
 
 
 @click.command("sim")
-@click.argument("stage", type=click.Path(path_type=Path))
+@click.argument("stage", type=Input(path_type=Path))
 @click.option(
     "--checkpoint",
     metavar="NN",
@@ -147,21 +146,22 @@ def _check_outputs(page: Path | None, bag: Path | None) -> None:
 )
 @click.option(
     "--drive",
+    type=Input(),
     metavar="FILE|LEGS",
     help='The drive: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
 )
 @click.option("--topic", metavar="NAME", help="Drive only the robots that subscribe to this topic.")
 @click.option(
     "--maps",
-    type=click.Path(path_type=Path),
+    type=MapInput(path_type=Path),
     help="The map, or its folder, to compare the scan with (localization).",
 )
 @text_or_json
 @color_option
 @assets_option
-@click.option("--page", type=click.Path(path_type=Path), help="Write an HTML page to this file.")
+@click.option("--page", type=OutputReport(path_type=Path), help="Write an HTML page to this file.")
 @click.option(
-    "--bag", type=click.Path(path_type=Path), help="Record it as a bag (MCAP) in this new folder."
+    "--bag", type=OutputFolder(path_type=Path), help="Record it as a bag (MCAP) in this new folder."
 )
 @click.option(
     "--live",
@@ -195,7 +195,7 @@ def command(stage: Path, **options: Any) -> None:
     if checkpoint and topic:
         raise UsageError(f"--topic {topic}: at checkpoint {checkpoint} commands have a topic")
     check_live(options)
-    _check_outputs(options["page"], options["bag"])
+    _check_bag(options["bag"])
     if options["live"]:
         live(stage, lab, checkpoint, topic, options["seconds"])
     else:

@@ -6,6 +6,9 @@ from pathlib import Path
 
 import click
 
+from lab3_usd.commands.shared.options import echo
+from lab3_usd.commands.shared.paths import OutputFile
+
 
 @click.command("starter")
 @click.option(
@@ -13,7 +16,7 @@ import click
     "--out",
     "target",
     required=True,
-    type=click.Path(path_type=Path, dir_okay=False),
+    type=OutputFile(path_type=Path, dir_okay=False),
     help="The stage to write; its name ends in .usda.",
 )
 @click.option("--force", is_flag=True, help="Replace a file that exists.")
@@ -25,4 +28,4 @@ def command(target: Path, *, force: bool) -> None:
     from lab3_usd.stage.write.starter import build_starter
 
     build_starter(target, force=force)
-    click.echo(target)
+    echo(target)

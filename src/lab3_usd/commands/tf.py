@@ -8,14 +8,16 @@ import click
 
 from lab3_usd.commands.shared.options import (
     assets_option,
+    echo,
     leave_broken_lab,
     terminal_width,
     use_config,
 )
+from lab3_usd.commands.shared.paths import Input, OutputFile
 
 
 @click.command("tf")
-@click.argument("stage", type=click.Path(path_type=Path))
+@click.argument("stage", type=Input(path_type=Path))
 @click.option(
     "--format",
     "form",
@@ -27,7 +29,7 @@ from lab3_usd.commands.shared.options import (
 @click.option(
     "--graph",
     "picture",
-    type=click.Path(path_type=Path),
+    type=OutputFile(path_type=Path),
     help="Draw it with publishers and rates as view_frames does, into a .svg, .png, .dot or .mmd.",
 )
 @click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
@@ -79,7 +81,7 @@ def command(
     if picture is not None:
         drawn = published_frames_picture(edges, hidden, rates, not_judged, tops)
         write_picture(drawn, picture, force)
-        click.echo(picture)
+        echo(picture)
         return
     sent = published_transforms(model)
     unknown = tuple(each.publisher.path for each in sent if each.edges is None)

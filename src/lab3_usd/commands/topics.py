@@ -8,14 +8,16 @@ import click
 
 from lab3_usd.commands.shared.options import (
     assets_option,
+    echo,
     leave_broken_lab,
     terminal_width,
     use_config,
 )
+from lab3_usd.commands.shared.paths import Input, OutputFile
 
 
 @click.command("topics")
-@click.argument("stage", type=click.Path(path_type=Path))
+@click.argument("stage", type=Input(path_type=Path))
 @click.option(
     "--format",
     "form",
@@ -27,7 +29,7 @@ from lab3_usd.commands.shared.options import (
 @click.option(
     "--graph",
     "picture",
-    type=click.Path(path_type=Path),
+    type=OutputFile(path_type=Path),
     help="Draw nodes and topics as rqt_graph does, into a .svg, .png, .dot or .mmd.",
 )
 @click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
@@ -65,7 +67,7 @@ def command(
     ends, not_judged = endpoints(model), printable(coverage_line(ros.coverage))
     if picture is not None:
         write_picture(topics_picture(stage.name, ends, ros.unknown, not_judged), picture, force)
-        click.echo(picture)
+        echo(picture)
         return
     edges, hidden = all_edges(model), all_unresolved_frames(model)
     table = TopicReport(str(stage), ends, edges, hidden)

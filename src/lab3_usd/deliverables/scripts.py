@@ -139,7 +139,7 @@ def nav2_files(lab: Lab, ros: RosSpec) -> dict[str, str]:
 def write_nav2(
     folder: Path, files: Mapping[str, str], *, force: bool = False
 ) -> tuple[list[Path], list[Path]]:
-    """Write the files into `folder`; return those written and those kept because they existed.
+    """Write files into a folder; return those written and those kept because they existed.
 
     Raises:
         UsageError: a file cannot be written.

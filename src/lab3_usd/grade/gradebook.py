@@ -15,7 +15,7 @@ from msgspec import to_builtins
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
-from lab3_usd.files import leftover_files, write_parts, write_whole
+from lab3_usd.files import leftover_files, make_folder, write_parts, write_whole
 from lab3_usd.grade.adjustments import ADJUSTMENTS
 from lab3_usd.grade.deductions import reasons
 from lab3_usd.grade.intake.submissions import StudentSubmission
@@ -141,7 +141,11 @@ _TABLES = (CSV, GRADEBOOK_JSON, PAGE, ADJUSTMENTS)
 _FILES = (HTML, JSON, GRADESCOPE, RESULT)
 _VERSION = 1
 # What `--gradebook` writes beside the tables.
-_EXPORTS = ("canvas.csv", "moodle.csv", "brightspace.csv", "blackboard.csv", "blackboard.xls")
+_EXPORTS = (
+    *("canvas.csv", "moodle.csv", "brightspace.csv", "blackboard.csv", "blackboard.xls"),
+    *("canvas-rubric.csv", "canvas-feedback.zip", "moodle-feedback.zip"),
+)
+TABLES = (CSV, GRADEBOOK_JSON, PAGE, *_EXPORTS)  # what is written to a gradebook as a whole
 # What desktops and spreadsheet programs leave in a folder that somebody looked into.
 _LITTER = (".ds_store", "thumbs.db", "desktop.ini", ".directory", "._*", ".~lock.*#", "~$*")
 Row = dict[str, Any]
@@ -167,24 +171,24 @@ def check_target(out: Path, *, resume: bool) -> None:
         raise UsageError(
             f"{out}: holds {foreign[0]}, which is not part of a gradebook; choose another folder"
         )
-    for student in sorted(out.glob(f"{STUDENTS}/*")):
-        _refuse_foreign(out, student)
+    for folder in sorted((*out.glob(f"{STUDENTS}/*"), *out.glob(f"{REPORTS}/*"))):
+        _refuse_foreign(out, folder)
 
 
-def _refuse_foreign(out: Path, student: Path) -> None:
-    """Refuse a student's folder that holds more than reports: it may be what was handed in.
+def _refuse_foreign(out: Path, folder: Path) -> None:
+    """Refuse a folder with more than reports, of a student or of all: it may be what was handed in.
 
     Raises:
-        UsageError: it does.
+        UsageError: it has more, or is none.
     """
-    if student.is_dir():
-        half = {path.name for path in leftover_files(student, _FILES)}
-        names = {path.name for path in student.iterdir()} - {*_FILES} - half
+    if folder.is_dir() and not folder.is_symlink():
+        half = {path.name for path in leftover_files(folder, _FILES)}
+        names = {path.name for path in folder.iterdir()} - {*_FILES} - half
     else:
         names = {""}
-    foreign = sorted(name for name in names if not _is_litter(name or student.name))
+    foreign = sorted(name for name in names if not _is_litter(name or folder.name))
     if foreign:
-        name = (student / foreign[0]).relative_to(out).as_posix()
+        name = (folder / foreign[0]).relative_to(out).as_posix()
         raise UsageError(
             f"{out}: holds {name}, which is not part of a gradebook; choose another folder"
         )
@@ -281,6 +285,7 @@ def write_student(
     name nobody (`SHARED` in the answer) are stored once for all students of whom they are true.
     """
     folder = out / STUDENTS / submission.folder
+    make_folder(folder)
     _remove([folder / RESULT])
     place: Row = {}
     if answer.get(SHARED):

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import hashlib
 import re
-import shutil
 from collections.abc import Iterable, Mapping
+from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
-from lab3_usd.files import write_whole
+from lab3_usd.files import make_folder, write_whole
 
 REPORTS = "reports"  # the folder in the gradebook
 SHARED = "shared"  # the name of the folder there, in a result
@@ -29,22 +29,34 @@ def write_shared(out: Path, reports: Mapping[str, str]) -> str:
     Raises:
         UsageError: they cannot be written.
     """
-    contents = {name: text.encode("utf-8", "replace") for name, text in sorted(reports.items())}
-    digest = hashlib.sha256()
-    for name, data in contents.items():
-        digest.update(f"{name}\0{len(data)}\0".encode() + data)
-    folder = out / REPORTS / digest.hexdigest()[:32]
+    contents = {name: text.encode("utf-8", "replace") for name, text in reports.items()}
+    folder = out / REPORTS / _name_of(contents)
+    make_folder(folder)
     for name, data in contents.items():
         if not (folder / name).is_file():
             write_whole(folder / name, data, force=True)
     return folder.name
 
 
+def _name_of(contents: Mapping[str, bytes]) -> str:
+    """Return the name of the folder that holds these files, and no others."""
+    digest = hashlib.sha256()
+    for name, data in sorted(contents.items()):
+        digest.update(f"{name}\0{len(data)}\0".encode() + data)
+    return digest.hexdigest()[:32]
+
+
 def remove_unshared(out: Path, rows: Iterable[Mapping[str, Any]]) -> None:
-    """Remove reports that no result names any more."""
+    """Remove reports that no result names any more; a folder that holds anything else stays."""
     if not (out / REPORTS).is_dir():
         return
     named = {row.get(SHARED) for row in rows}
     for folder in (out / REPORTS).iterdir():
-        if _NAME.fullmatch(folder.name) and folder.name not in named:
-            shutil.rmtree(folder, ignore_errors=True)
+        if not _NAME.fullmatch(folder.name) or folder.name in named or folder.is_symlink():
+            continue
+        with suppress(OSError):
+            files = list(folder.iterdir())
+            if _name_of({path.name: path.read_bytes() for path in files}) == folder.name:
+                for path in files:
+                    path.unlink()
+                folder.rmdir()

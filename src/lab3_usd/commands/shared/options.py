@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any, TextIO
 import click
 from click.core import ParameterSource
 
+from lab3_usd.commands.shared.paths import AssetFolder, Input, OutputBaseline, OutputFile
 from lab3_usd.data import LAB_VARIABLE, program
 from lab3_usd.errors import UsageError
 
@@ -106,7 +107,7 @@ report_options = all_of(
         show_default=True,
         help="Format: text, json, sarif, ... (a wrong name lists them all).",
     ),
-    click.option("--output", "-o", type=click.Path(), help="Write the report to this file."),
+    click.option("--output", "-o", type=OutputFile(), help="Write the report to this file."),
     rules_options,
     click.option(
         "--fail-on",
@@ -118,13 +119,13 @@ report_options = all_of(
     click.option("--exit-zero", is_flag=True, help="Exit 0 regardless of findings."),
     click.option(
         "--baseline",
-        type=click.Path(path_type=Path),
+        type=Input(path_type=Path),
         metavar="FILE",
         help="Hide the findings in this file.",
     ),
     click.option(
         "--write-baseline",
-        type=click.Path(path_type=Path),
+        type=OutputBaseline(path_type=Path),
         metavar="FILE",
         help="Write all findings to this file, for --baseline.",
     ),
@@ -139,6 +140,7 @@ native_option = click.option(
 assets_option = click.option(
     "--assets",
     multiple=True,
+    type=AssetFolder(),
     metavar="URL=FOLDER",
     help="Folder with the assets of a server; may be repeated.",
 )
@@ -204,7 +206,7 @@ script_options = all_of(
         "--out",
         "script",
         required=True,
-        type=click.Path(path_type=Path, dir_okay=False),
+        type=OutputFile(path_type=Path, dir_okay=False),
         help="Where to write the script.",
     ),
     click.option("--force", is_flag=True, help="Replace a file that exists."),
@@ -287,6 +289,13 @@ def terminal_width() -> int:
     return width() if sys.stdout.isatty() else sys.maxsize
 
 
+def echo(text: object, *, err: bool = False) -> None:
+    """Print a line, with escapes for characters of names that do not print."""
+    from lab3_usd.report.safe_text import visible
+
+    click.echo(visible(str(text)), err=err)
+
+
 def echo_folded(line: str) -> None:
     """Print a line, folded in a terminal: what goes on is indented below its start."""
     from lab3_usd.report.safe_text import folded
@@ -300,7 +309,7 @@ config_options = all_of(
     click.option(
         "--config",
         "config_file",
-        type=click.Path(),
+        type=Input(),
         metavar="FILE",
         help="Use this configuration, not the nearest lab3.toml or pyproject.toml.",
     ),
@@ -361,7 +370,7 @@ def _text(path: Path | None) -> str | None:
 own_rules_option = click.option(
     "--config",
     "config_file",
-    type=click.Path(),
+    type=Input(),
     help="Also the rules of one's own that this file names.",
 )
 
@@ -450,15 +459,3 @@ def use_lab(folder: Path | None) -> None:
     context = click.get_current_context(silent=True)
     if context is not None:
         context.call_on_close(lambda: os.environ.pop(LAB_VARIABLE, None))
-
-
-def refuse_page(page: Path | None) -> None:
-    """Refuse to write a page over what may be a stage.
-
-    Raises:
-        UsageError: the page has the ending of a stage.
-    """
-    from lab3_usd.pipeline.results import STAGE_ENDINGS
-
-    if page is not None and page.suffix.lower() in STAGE_ENDINGS:
-        raise UsageError(f"--page {page}: has the ending of a stage; name an .html file")

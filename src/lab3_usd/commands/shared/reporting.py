@@ -11,11 +11,11 @@ from msgspec.structs import replace
 
 from lab3_usd import features
 from lab3_usd.commands.shared.options import given_words, lab_words, wants_color, width
+from lab3_usd.commands.shared.paths import refuse_stage_ending
 from lab3_usd.config.settings import selected
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
-from lab3_usd.pipeline.results import STAGE_ENDINGS
 from lab3_usd.report.formats.registry import format_named, render
 from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab
@@ -28,11 +28,11 @@ GRADESCOPE = "gradescope"  # the format with the points of grading
 
 
 def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
-    """Refuse an unknown format, paths that lead to nothing, and to write over what is read.
+    """Refuse an unknown format, paths that lead to nothing, and a report that is called as a stage.
 
     Raises:
-        UsageError: there is no such format, no file or folder at a path, or the output is a
-            stage, a given file, or a file that a given folder holds.
+        UsageError: there is no such format, no file or folder at a path, or the output has the
+            ending of a stage.
     """
     format_named(options["form"])
     for path in paths:
@@ -40,15 +40,8 @@ def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
             from lab3_usd.files import absence
 
             raise UsageError(absence(Path(path), "file or folder"))
-    if options["output"] is None:
-        return
-    output = Path(options["output"])
-    above = {output.resolve(), *output.resolve().parents}
-    is_read = output.exists() and not above.isdisjoint(Path(path).resolve() for path in paths)
-    if is_read or output.suffix.lower() in STAGE_ENDINGS:
-        raise UsageError(
-            f"{output}: is, or may be, a file that is checked; write the report elsewhere"
-        )
+    if options["output"] is not None:
+        refuse_stage_ending(Path(options["output"]))
 
 
 def wants_native(options: Mapping[str, Any]) -> bool:

@@ -15,9 +15,11 @@ from urllib.parse import urlsplit
 from msgspec import Struct
 
 from lab3_usd.errors import UsageError
+from lab3_usd.grade.intake.addresses import without_secrets
 from lab3_usd.installation import install_command
 
 _WITH_TLS = ("tls", "wss")
+_TO_ANSWER = 0.5  # seconds more than to connect, whose own error says why that failed
 _GUIDE = "see docs/cluster.md"
 _CERTIFICATES = ("ca-file", "client.cert", "client.key")
 _LOGGERS = ("distributed", "tornado", "asyncio")
@@ -48,8 +50,8 @@ def connected(
     without TLS that has a public address.
 
     Raises:
-        UsageError: Dask is not installed, there is no scheduler or no worker, TLS is not
-            configured, or the scheduler is public and has no TLS.
+        UsageError: Dask is not installed, the address holds a password, there is no scheduler or
+            no worker, TLS is not configured, or the scheduler is public and has no TLS.
     """
     try:
         distributed = importlib.import_module("distributed")
@@ -57,12 +59,17 @@ def connected(
         raise UsageError(
             f"--cluster needs the extra cluster: {install_command('cluster')}"
         ) from error
+    if "@" in address:
+        raise UsageError(
+            f"{shown_scheduler(address)}: a Dask scheduler knows neither users nor passwords; give "
+            "tls://host:port"
+        )
     _refuse_exposed(address, notify, insecure=insecure)
     with _quiet():
         try:
-            client = distributed.Client(
-                address, timeout=patience.to_connect, security=_security(address, distributed)
-            )
+            security = _security(address, distributed)
+            _await_answer(distributed, address, security, patience.to_connect)
+            client = distributed.Client(address, timeout=patience.to_connect, security=security)
         except (OSError, ValueError) as error:
             lines = str(error).splitlines() or [type(error).__name__]
             why = lines[0].rpartition(">: ")[2]  # after Dask's name of the connection
@@ -77,6 +84,31 @@ def connected(
                 yield client
         finally:
             client.close()
+
+
+def shown_scheduler(address: str) -> str:
+    """Return the address of a scheduler without a user and a password."""
+    return address if "@" not in address else without_secrets(_with_scheme(address))
+
+
+def _await_answer(distributed: Any, address: str, security: Any, seconds: float) -> None:
+    """Ask a scheduler who it is: a client of Dask waits for ever where nothing answers.
+
+    Raises:
+        OSError: nothing listens at the address, or does not answer as a scheduler.
+    """
+
+    async def ask() -> None:
+        connection = security.get_connection_args("client")
+        async with distributed.rpc(
+            address, timeout=seconds, connection_args=connection
+        ) as scheduler:
+            await scheduler.identity()
+
+    try:
+        asyncio.run(asyncio.wait_for(ask(), seconds + _TO_ANSWER))
+    except (TimeoutError, asyncio.TimeoutError) as error:  # not the same before Python 3.11
+        raise OSError(f"no answer in {seconds:g} s") from error
 
 
 def _await_worker(client: Any, address: str, seconds: float) -> None:
@@ -135,10 +167,14 @@ def _scheme(address: str) -> str:
     return address.partition("://")[0] if "://" in address else "tcp"
 
 
+def _with_scheme(address: str) -> str:
+    return address if "://" in address else f"tcp://{address}"
+
+
 def _addresses(address: str) -> list[ipaddress.IPv4Address | ipaddress.IPv6Address]:
     """Return the addresses of the computer that an address names; none where nobody knows it."""
     try:
-        host = urlsplit(address if "://" in address else f"tcp://{address}").hostname
+        host = urlsplit(_with_scheme(address)).hostname
         found = socket.getaddrinfo(host, None)
     except (OSError, ValueError):
         return []

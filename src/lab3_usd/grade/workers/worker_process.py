@@ -312,19 +312,23 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_sto
     ]
     command = [sys.executable, "-I", "-B", "-c", settings.program, *path]
     log = scratch / "stderr.txt"
-    with log.open("wb") as errors:
-        process = subprocess.Popen(  # noqa: S603 - our own module
-            command,
-            stdin=subprocess.PIPE,
-            stdout=subprocess.PIPE,
-            stderr=errors,
-            cwd=scratch,
-            env=environment(scratch, settings.lab),
-            start_new_session=True,
-        )
-    worker = Worker(process, scratch, settings.limits)
-    worker.threads = tuple(hold_pipes(worker))
     try:
+        with log.open("wb") as errors:
+            process = subprocess.Popen(  # noqa: S603 - our own module
+                command,
+                stdin=subprocess.PIPE,
+                stdout=subprocess.PIPE,
+                stderr=errors,
+                cwd=scratch,
+                env=environment(scratch, settings.lab),
+                start_new_session=True,
+            )
+    except OSError as error:
+        remove_scratch(scratch)
+        raise WorkerError(f"a worker does not start: {error.strerror}") from error
+    worker = Worker(process, scratch, settings.limits)
+    try:
+        worker.threads = tuple(hold_pipes(worker))
         worker.tasks.put(encode(Start(scratch, settings)))
         ready = Turn(worker, _START_SECONDS, stopped).next(Ready, _START_SECONDS)
         worker.confined, worker.peak = ready.confined, ready.peak
@@ -332,6 +336,12 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_sto
         last = log.read_text(errors="replace").strip().splitlines()
         end_worker(worker)
         raise WorkerError(f"a worker does not start: {last[-1] if last else error}") from error
+    except RuntimeError as error:  # the system starts no more threads
+        end_worker(worker)
+        raise WorkerError(f"a worker does not start: {error}") from error
+    except BaseException:  # an interrupt, which may come at any time
+        end_worker(worker)
+        raise
     return worker
 
 

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
 from collections.abc import Iterator
 from io import StringIO
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
 import numpy as np
@@ -249,22 +249,25 @@ def write_bags(folder: Path, tape: Tape) -> list[Written]:
     """
     domains = {tape.domain(message) for message in tape.messages}
     domains |= {command.domain for command in tape.commands}
-    several, is_new = len(domains) > 1, not folder.exists()
+    several = len(domains) > 1
     try:
-        return [
-            _write_bag(folder / f"domain_{domain}" if several else folder, tape, domain)
-            for domain in sorted(domains or {tape.home})
-        ]
+        folder.parent.mkdir(parents=True, exist_ok=True)
+        with TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
+            whole = Path(temporary) / folder.name
+            written = [
+                _write_bag(whole / f"domain_{domain}" if several else whole, tape, domain)
+                for domain in sorted(domains or {tape.home})
+            ]
+            whole.rename(folder)  # which replaces nothing, or an empty folder
     except OSError as error:
-        if is_new:
-            shutil.rmtree(folder, ignore_errors=True)  # a part of a bag is none
         raise unwritten(folder, error) from error
+    return [bag._replace(folder=folder / bag.folder.relative_to(whole)) for bag in written]
 
 
 def _write_bag(folder: Path, tape: Tape, domain: int) -> Written:
     records = sorted(_records(tape, domain), key=lambda record: record[:2])
     left_out = _without_content(tape, domain)
-    folder.parent.mkdir(parents=True, exist_ok=True)
+    folder.parent.mkdir(exist_ok=True)
     with Writer(folder, version=_WRITTEN, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.set_custom_data(NOT_SENT, " ".join(left_out))
         connections: dict[tuple[str, str], Any] = {}
