@@ -80,7 +80,7 @@ def make_drive_picture(target: Path) -> None:
 def _submission(folder: Path) -> Path:
     """Make a submission that has everything of the stages right but the drive graph."""
     starter = folder / "assets" / "student_handout_turtlebot3_ros2_scene.usda"
-    starter.parent.mkdir()
+    starter.parent.mkdir(parents=True)
     _lab3("starter", "--out", starter)
     _lab3("map", starter, "--out", folder / "maps")
     _lab3("build", "--out", folder / "work")

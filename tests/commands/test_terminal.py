@@ -1,4 +1,4 @@
-"""Nothing that usd-core says by itself reaches the terminal, whatever a stage holds."""
+"""What reaches the terminal: nothing of usd-core itself, and no name that a terminal obeys."""
 
 from __future__ import annotations
 
@@ -7,9 +7,10 @@ from pathlib import Path
 
 import pytest
 from invoking import invoke
+from mini_lab import stage
 from pxr import Usd
 
-from lab3_usd import check_stage
+from lab3_usd import check_stage, cli
 from lab3_usd.errors import Lab3Error
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
@@ -179,3 +180,53 @@ def test_usd_core_itself_speaks_of_the_odd_stage(
     stage = Usd.Stage.Open(str(copy))
     assert stage.GetPrimAtPath("/Clips").GetAttribute("xformOp:translate").Get() is None
     assert "Warning: in " in capfd.readouterr().err
+
+
+ESCAPE = "\x1b[31m"
+
+
+@pytest.mark.parametrize(
+    "words",
+    [
+        ("draw", "STAGE", "-o", "FOLDER"),
+        ("build", "--only", "00", "-o", "FOLDER"),
+        ("demo", "FOLDER"),
+        ("nav2", "-o", "FOLDER"),
+        ("lab", "schema", "--out", "FOLDER"),
+        ("collect", "-o", f"{ESCAPE}collect.sh"),
+        ("starter", "-o", f"{ESCAPE}starter.usda"),
+    ],
+)
+def test_no_command_prints_what_a_terminal_obeys(
+    words: tuple[str, ...], tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    shutil.copy(stage("01"), tmp_path / f"{ESCAPE}Lab3_01_ros_clock.usda")
+    named = {"STAGE": f"{ESCAPE}Lab3_01_ros_clock.usda", "FOLDER": f"{ESCAPE}folder"}
+    done = invoke(*(named.get(word, word) for word in words))
+    assert done.exit_code == 0
+    assert r"\x1b[31m" in done.output
+    assert "\x1b" not in done.output
+
+
+def test_an_error_that_names_a_file_shows_what_a_terminal_would_obey(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    monkeypatch.setattr("sys.argv", ["lab3", "lint", str(tmp_path / f"{ESCAPE}no.usda")])
+    with pytest.raises(SystemExit):
+        cli.main()
+    assert r"\x1b[31mno.usda: there is no such" in capsys.readouterr().err
+
+
+def test_a_system_without_threads_is_one_line(
+    monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    def fail(**_parameters: object) -> None:
+        raise RuntimeError("can't start new thread")
+
+    monkeypatch.setattr("lab3_usd.commands.doctor.command.callback", fail)
+    monkeypatch.setattr("sys.argv", ["lab3", "doctor"])
+    with pytest.raises(SystemExit) as ended:
+        cli.main()
+    assert ended.value.code == 3
+    assert "starts no more threads" in capsys.readouterr().err

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import socket
 import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
@@ -114,6 +115,29 @@ def test_tls_without_certificates_is_one_line_that_says_where_they_are_named(
         "(distributed.comm.tls.ca-file, distributed.comm.tls.client.cert, "
         "distributed.comm.tls.client.key), see docs/cluster.md\n"
     )
+
+
+def test_what_accepts_and_says_nothing_is_no_scheduler() -> None:
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        address = f"tcp://127.0.0.1:{silent.getsockname()[1]}"
+        patience = Patience(to_connect=0.3)
+        with (
+            pytest.raises(UsageError, match=r"no Dask scheduler \(no answer in 0.3 s\)"),
+            connected(address, lambda _line: None, patience=patience),
+        ):
+            pass
+
+
+@pytest.mark.parametrize(
+    "address", ["tcp://me:geheim@127.0.0.1:8786", "tls://me:geheim@8.8.8.8:1", "me:geheim@host:1"]
+)
+def test_a_password_in_the_address_of_a_scheduler_is_never_printed(address: str) -> None:
+    with (
+        pytest.raises(UsageError, match="knows neither users nor passwords") as raised,
+        connected(address, lambda _line: None),
+    ):
+        pass
+    assert "geheim" not in str(raised.value)
 
 
 @pytest.mark.parametrize("fault", ["missing", "no certificate", "of somebody else"])

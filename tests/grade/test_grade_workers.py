@@ -751,6 +751,30 @@ def settings_for(place: Path, **limits: float) -> PoolSettings:
     return PoolSettings(starter(), None, Limits(**limits), (place,))  # type: ignore[arg-type]
 
 
+@pytest.mark.parametrize(
+    ("function", "error"),
+    [
+        ("subprocess.Popen", BlockingIOError(11, "Resource temporarily unavailable")),
+        ("threading.Thread.start", RuntimeError("can't start new thread")),
+    ],
+)
+def test_a_worker_that_cannot_start_leaves_no_folder(
+    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch, function: str, error: Exception
+) -> None:
+    def fail(*_arguments: object, **_options: object) -> None:
+        raise error
+
+    made: list[Path] = []
+    make = worker_process.make_scratch
+    monkeypatch.setattr(
+        worker_process, "make_scratch", lambda prefix: made.append(make(prefix)) or made[-1]
+    )
+    monkeypatch.setattr(f"lab3_usd.grade.workers.worker_process.{function}", fail)
+    with pytest.raises(WorkerError, match=r"a worker does not start: (Resource|can't start)"):
+        start_worker(odd)
+    assert [folder.exists() for folder in made] == [False]
+
+
 def test_a_real_worker_judges_and_leaves_nothing_behind(tmp_path: Path) -> None:
     submission(tmp_path / "jane", "00", "01")
     made = start_worker(settings_for(tmp_path))

@@ -121,6 +121,17 @@ def test_a_gradebook_with_files_of_somebody_is_not_written_to(tmp_path: Path, na
         check_target(tmp_path, resume=True)
 
 
+@pytest.mark.parametrize("name", ["0123456789abcdef0123456789abcdef/notes.txt", "solutions/a.usda"])
+def test_a_gradebook_with_files_of_somebody_in_its_reports_is_not_written_to(
+    tmp_path: Path, name: str
+) -> None:
+    written(tmp_path, "jane")
+    (tmp_path / "reports" / name).parent.mkdir(parents=True)
+    (tmp_path / "reports" / name).write_text("mine")
+    with pytest.raises(UsageError, match=f"holds reports/{name}, which is not part"):
+        check_target(tmp_path, resume=True)
+
+
 def test_what_is_finished_is_known(tmp_path: Path) -> None:
     (jane,) = written(tmp_path, "jane")
     assert known_digest(tmp_path, jane, SALT, ITEMS) == "d1"

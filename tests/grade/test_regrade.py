@@ -164,7 +164,7 @@ def test_a_dry_run_shows_the_same_table_and_writes_nothing(book: Path, tmp_path:
 
 def test_the_filled_export_is_never_written_over_the_export(book: Path) -> None:
     (book / "canvas.csv").write_text(EXPORT)
-    with pytest.raises(UsageError, match="would be replaced by the points; keep it elsewhere"):
+    with pytest.raises(UsageError, match="is read by this command"):
         invoke("grade", "-o", book, "--gradebook", "canvas", "--roster", book / "canvas.csv")
     assert (book / "canvas.csv").read_text() == EXPORT
 

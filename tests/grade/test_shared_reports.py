@@ -118,3 +118,24 @@ def test_a_result_that_names_a_place_elsewhere_is_not_followed(place: Path, tmp_
     for name in ("../../class", "x" * 32, 7):
         row = {"shared": name}
         assert shared_reports.shared_folder(tmp_path / "book", row) is None
+
+
+@pytest.mark.parametrize("names", [(), ("notes.txt",), ("report.html", "report.json")])
+def test_a_folder_that_no_run_made_stays_whatever_it_is_called(
+    names: tuple[str, ...], tmp_path: Path
+) -> None:
+    mine = tmp_path / "reports" / ("0" * 32)
+    mine.mkdir(parents=True)
+    for name in names:
+        (mine / name).write_text("mine")
+    ours = tmp_path / "reports" / shared_reports.write_shared(tmp_path, {"report.html": "ours"})
+    shared_reports.remove_unshared(tmp_path, [])
+    assert {path.name for path in mine.iterdir()} == {*names}
+    assert not ours.exists()
+
+
+def test_a_report_that_somebody_changed_stays(tmp_path: Path) -> None:
+    folder = tmp_path / "reports" / shared_reports.write_shared(tmp_path, {"report.html": "ours"})
+    (folder / "report.html").write_text("with a remark")
+    shared_reports.remove_unshared(tmp_path, [])
+    assert (folder / "report.html").read_text() == "with a remark"

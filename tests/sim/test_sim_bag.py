@@ -260,3 +260,14 @@ def test_a_full_disk_leaves_no_part_of_a_bag(
     with pytest.raises(NoRoomError, match="run cannot be written"):
         writer.write_bags(tmp_path / "run", Tape((), (ahead,), 0))
     assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_another_run_made_meanwhile_stays_as_it_is(tmp_path: Path) -> None:
+    from lab3_usd.sim.bag import writer
+
+    (tmp_path / "run").mkdir()
+    (tmp_path / "run" / "mine.mcap").write_text("mine")
+    ahead = SentCommand(0.0, 0, "/cmd_vel", Leg("ahead", 1.0, (0.1, 0.0, 0.0)))
+    with pytest.raises(UsageError, match="run cannot be written"):
+        writer.write_bags(tmp_path / "run", Tape((), (ahead,), 0))
+    assert [path.name for path in tmp_path.rglob("*")] == ["run", "mine.mcap"]

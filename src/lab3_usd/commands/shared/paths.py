@@ -25,6 +25,13 @@ from lab3_usd.errors import UsageError, unwritten
 class Input(click.Path):
     """A file or folder that a call reads."""
 
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return the path, or fail with one line."""
+        try:
+            return super().convert(value, param, ctx)
+        except ValueError as error:  # a null byte
+            self.fail(f"{value!r} is no path: {error}", param, ctx)
+
     def places(self, value: str | Path) -> Iterator[Path]:
         """Yield what is read where this is given."""
         yield Path(value)
