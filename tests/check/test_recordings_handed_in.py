@@ -232,6 +232,26 @@ def test_a_database_that_computes_for_ever_is_not_opened(handed_in: Path) -> Non
     assert "computed columns" in unread(handed_in)
 
 
+@pytest.mark.parametrize(
+    "change",
+    [
+        "UPDATE messages SET timestamp = 'soon' WHERE id = 2",
+        "UPDATE messages SET timestamp = x'00' WHERE id = 2",
+        "UPDATE messages SET data = 'text' WHERE id = 2",
+        "UPDATE messages SET data = 5 WHERE id = 2",
+        "UPDATE topics SET name = x'2f78'",
+        "UPDATE topics SET type = x'2f78'",
+        "UPDATE topics SET offered_qos_profiles = 7",
+    ],
+)
+def test_columns_of_other_types_are_damage(brief: Path, handed_in: Path, change: str) -> None:
+    rewritten(brief, handed_in / "run", storage=StoragePlugin.SQLITE3)
+    file = (handed_in / "run" / "run.db3").rename(handed_in / "results" / "run.db3")
+    with closing(sqlite3.connect(file)) as base, base:
+        base.execute(change)
+    assert "is damaged" in unread(handed_in)
+
+
 def test_a_million_topics_are_not_read(handed_in: Path) -> None:
     with Writer(handed_in / "results" / "run", version=8, storage_plugin=StoragePlugin.MCAP) as bag:
         for number in range(60):

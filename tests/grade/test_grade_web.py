@@ -168,6 +168,36 @@ def test_what_a_server_does_not_give_whole_is_no_grade(
         assert rows[name]["reason"].startswith(f"tool failed: {name}")
 
 
+@pytest.mark.parametrize("fault", ["half", "page"])
+@pytest.mark.parametrize("where", ["carl.zip", STAGE, "all.zip"])
+def test_what_a_server_gives_in_place_of_a_file_is_no_grade(
+    place: Path, server: WebServer, tmp_path: Path, fault: str, where: str
+) -> None:
+    server.fault = lambda path: fault if path.endswith(where) else None
+    if where == "all.zip":
+        shutil.make_archive(str(place.parent / "all"), "zip", place)
+        with pytest.raises(UsageError, match=r"download ended|web page in its place"):
+            graded(f"{server.address}/all.zip", tmp_path / "book")
+        return
+    rows = {row["student"]: row for row in graded(f"{server.address}/class", tmp_path / "book")}
+    for name in {"carl.zip": ["carl"]}.get(where, ["ben", "dora"]):
+        assert rows[name]["status"] == "tool failed"
+        assert ("download ended" if fault == "half" else "a web page") in rows[name]["reason"]
+
+
+def test_a_name_with_a_null_byte_costs_nobody_else_a_grade(
+    place: Path, server: WebServer, tmp_path: Path
+) -> None:
+    (place / "index.html").write_text('<a href="ben/">ben</a> <a href="z%00.zip">z</a>')
+    (place / "ben" / "index.html").write_text(
+        '<a href="work/">work</a> <a href="a%00.usda">a</a> <a href="b%00/">b</a>'
+    )
+    rows = {row["student"]: row for row in graded(f"{server.address}/class", tmp_path / "book")}
+    assert rows["ben"]["status"] == "graded"
+    assert "do not print" in rows["z\0"]["reason"]
+    assert len(rows) == 2
+
+
 def test_a_server_that_dies_half_way_takes_no_points_and_the_run_goes_on_later(
     place: Path, server: WebServer, tmp_path: Path
 ) -> None:

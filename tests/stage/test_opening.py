@@ -153,3 +153,35 @@ def test_what_is_no_stage_is_not_told_to_be_renamed(tmp_path: Path) -> None:
     (tmp_path / "notes.txt").write_text("buy milk\n")
     with pytest.raises(StageError, match="and the content is not USD"):
         check_file(tmp_path / "notes.txt")
+
+
+@pytest.mark.parametrize(
+    ("encoding", "said"),
+    [("utf-16", "UTF-16"), ("utf-16-le", "UTF-16"), ("utf-16-be", "UTF-16"), ("utf-32", "UTF-32")],
+)
+def test_text_of_wider_letters_is_told_by_its_encoding(
+    tmp_path: Path, encoding: str, said: str
+) -> None:
+    path = tmp_path / "stage.usda"
+    path.write_bytes("#usda 1.0\n".encode(encoding))
+    with pytest.raises(StageError, match=f"is text in {said}") as refused:
+        check_file(path)
+    assert refused.value.repair == "save it again as UTF-8"
+
+
+@pytest.mark.parametrize(
+    ("text", "said"),
+    [
+        ('def "A" {}\ndef "A" {}', "Duplicate prim 'A'"),
+        ('def "1a" {}', "'1a' is not a valid prim name"),
+        ('def "A" { rel a\n double a\n }', "attribute 'a' already has variability"),
+    ],
+)
+def test_a_name_in_the_reason_is_kept(tmp_path: Path, text: str, said: str) -> None:
+    path = tmp_path / "stage.usda"
+    path.write_text(f"#usda 1.0\n{text}\n")
+    with pytest.raises(StageError) as refused:
+        open_stage(path)
+    reason = str(refused.value)
+    assert said in reason
+    assert reason == reason.strip()

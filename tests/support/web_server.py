@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import base64
 import functools
+import io
 import threading
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
@@ -19,7 +20,8 @@ class WebServer:
     """Where a folder is served, and what was asked for.
 
     `fault` says of a request, by its path, what is wrong with its answer: a status, "short" for a
-    body that ends too early, "gone" for a server that answers nothing. `password` is asked for.
+    body that ends too early, "half" for one that answers every part with the first half, "page" for
+    a page to log in, "gone" for a server that answers nothing. `password` is asked for.
     """
 
     address: str = ""
@@ -69,7 +71,30 @@ class _Handler(SimpleHTTPRequestHandler):
         if isinstance(fault, HTTPStatus):
             self.send_error(fault)
             return None
+        if fault == "page":
+            return self._page()
+        if fault == "half":
+            return self._half()
         return super().send_head()
+
+    def _page(self) -> Any:
+        self.send_response(HTTPStatus.OK)
+        self.send_header("Content-Type", "text/html; charset=utf-8")
+        self.end_headers()
+        return io.BytesIO(b"<!DOCTYPE html><title>Log in</title>")
+
+    def _half(self) -> Any:
+        data = Path(self.translate_path(self.path)).read_bytes()
+        half = data[: len(data) // 2]
+        self.send_response(HTTPStatus.OK if self.command == "HEAD" else HTTPStatus.PARTIAL_CONTENT)
+        self.send_header("Accept-Ranges", "bytes")
+        if self.command == "HEAD":
+            self.send_header("Content-Length", str(len(data)))
+        else:
+            self.send_header("Content-Range", f"bytes 0-{len(half) - 1}/{len(data)}")
+            self.send_header("Content-Length", str(len(half)))
+        self.end_headers()
+        return io.BytesIO(half)
 
     def copyfile(self, source: Any, outputfile: Any) -> None:
         data = source.read()

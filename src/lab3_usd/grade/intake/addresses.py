@@ -16,7 +16,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.installation import install_command
 
 _SLASHES = "://"
-_WEB = ("http://", "https://")
+WEB = ("http://", "https://")
 # A user with a password, which may hold any character; a number behind the colon is a port.
 _USER = re.compile(r"//(?:[^/?#\s]*|[^/\s:]*:(?!\d+/)\S*)@")
 _QUERY = re.compile(r"\?[^\s=]*=\S*")  # a signature or a token gives access as a password does
@@ -71,7 +71,7 @@ def storage_at(address: str) -> StorageLocation:
             f"{called}: addresses need the extra cluster: {install_command('cluster')}"
         ) from error
     # Of the pages of a web server links alone are entries, not every address in their text.
-    options = {"simple_links": False} if address.startswith(_WEB) else {}
+    options = {"simple_links": False} if address.startswith(WEB) else {}
     try:
         storage, root = core.url_to_fs(address, **options)
         storage.invalidate_cache()
@@ -92,6 +92,6 @@ def name_at(path: str) -> str:
 
 def address_below(address: str, name: str, *, is_folder: bool) -> str:
     """Return the address of an entry of a folder; of a web server, folders end in a slash."""
-    if not address.startswith(_WEB):
+    if not address.startswith(WEB):
         return f"{address.rstrip('/')}/{name}"
     return f"{address.rstrip('/')}/{quote(name)}{'/' * is_folder}"

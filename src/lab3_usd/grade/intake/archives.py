@@ -36,9 +36,28 @@ from lab3_usd.grade.intake.submission_copy import (
 from lab3_usd.spec.load.loader import load_lab
 
 NO_ARCHIVE = "is damaged or not an archive; pack it again"
+_BY_CONTENT = " by its content, not "
 ZIP_ENDINGS = (".zip",)
 TAR_ENDINGS = (".tar", ".tar.gz", ".tgz", ".tar.bz2", ".tbz2", ".tar.xz", ".txz")
 OTHER_ENDINGS = (".rar", ".7z", ".tar.zst", ".gz", ".bz2", ".xz")
+# How files of other kinds begin: where, with what in lower case; their endings where they are
+# unpacked.
+_KINDS: tuple[tuple[int, bytes, str, tuple[str, ...]], ...] = (
+    (0, b"pk\3\4", "a zip archive", ZIP_ENDINGS),
+    (0, b"\x1f\x8b", "a gzip archive (.tar.gz)", TAR_ENDINGS),
+    (0, b"bzh", "a bzip2 archive (.tar.bz2)", TAR_ENDINGS),
+    (0, b"\xfd7zxz\0", "an xz archive (.tar.xz)", TAR_ENDINGS),
+    (257, b"ustar", "a tar archive", TAR_ENDINGS),
+    (0, b"7z\xbc\xaf\x27\x1c", "a 7z archive", ()),
+    (0, b"rar!\x1a\x07", "a rar archive", ()),
+    (0, b"\x28\xb5\x2f\xfd", "a zstd archive", ()),
+    (0, b"%pdf", "a PDF document", ()),
+    (0, b"<!doctype html", "a web page", ()),
+    (0, b"<html", "a web page", ()),
+    (0, b"pxr-usdc", "a USD stage", ()),
+    (0, b"#usda", "a USD stage", ()),
+)
+_LONGEST_START = 512  # bytes
 _SMALL = 1 << 20  # a file that small is no bomb, whatever its ratio
 _ENCRYPTED = 0x1
 _LONGEST_LINK = 4096  # bytes
@@ -56,6 +75,11 @@ class ArchiveError(Lab3Error):
 def is_archive(name: str) -> bool:
     """Whether a file of this name is an archive that can be unpacked."""
     return name.lower().endswith((*ZIP_ENDINGS, *TAR_ENDINGS))
+
+
+def holds_nothing(reason: str) -> bool:
+    """Whether a file is left out for this reason: it is no archive that can be unpacked."""
+    return reason == NO_ARCHIVE or _BY_CONTENT in reason
 
 
 def _is_nested(name: str, copy: SubmissionCopy) -> bool:
@@ -128,8 +152,21 @@ def unpack(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
         check_reached(archive.name, error)
         # Students would be lost with what follows in the archive of a class.
         if len(copy.digests) == taken or copy.archives:
-            raise ArchiveError(f"{archive.name}: {NO_ARCHIVE}") from error
+            raise ArchiveError(f"{archive.name}: {_what_it_is(archive) or NO_ARCHIVE}") from error
         copy.refuse(archive.name, "the archive is damaged; the rest of it is lost")
+
+
+def _what_it_is(archive: Path) -> str:
+    """Say what a file is by its content, where its ending names another kind of archive."""
+    with archive.open("rb") as file:
+        start = file.read(_LONGEST_START)
+    own = TAR_ENDINGS if archive.name.lower().endswith(TAR_ENDINGS) else ZIP_ENDINGS
+    for begin, mark, kind, endings in _KINDS:
+        if start[begin:].lower().startswith(mark) and endings != own:
+            ending = next(end for end in (*TAR_ENDINGS, *own) if archive.name.lower().endswith(end))
+            advice = f"give it the ending {endings[0]}" if endings else "pack the work as .zip"
+            return f"is {kind}{_BY_CONTENT}{ending}; {advice}"
+    return ""
 
 
 def _from_zip(archive: Path, prefix: str, copy: SubmissionCopy) -> None:

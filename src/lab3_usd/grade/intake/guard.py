@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
+import io
 import re
 import stat
-import struct
 import zipfile
 from collections.abc import Iterator
 from pathlib import Path
@@ -12,10 +12,9 @@ from typing import NoReturn
 
 from lab3_usd.errors import StageError
 from lab3_usd.grade.intake.submission_copy import Limits
+from lab3_usd.stage.read.crate import CRATE, PACKAGE, check_binary, entry_counts
 
 _TEXT = b"#usda"
-_CRATE = b"PXR-USDC"
-_PACKAGE = b"PK\x03\x04"
 _NOT_BRACKETS = bytes(set(range(256)) - set(b"()[]{}"))
 _TOKENS = re.compile(
     rb'"""(?:[^\\]|\\.)*?"""|'
@@ -27,12 +26,8 @@ _TOKENS = re.compile(
 )
 _OPENING, _CLOSING = (b"(", b"[", b"{"), (b")", b"]", b"}")
 _PRIM = re.compile(rb"^[ \t]*(?:def|over|class)\b", re.MULTILINE)
-_BOOTSTRAP = struct.Struct("<8s8sq")
-_SECTION = struct.Struct("<16sqq")
 _COUNTED = {b"PATHS": "prims and properties", b"SPECS": "prims and properties", b"TOKENS": "names"}
 _PER_PRIM = 50  # entries of a crate file that one prim may have
-_MOST_SECTIONS = 64
-_DAMAGED = "cannot be read: it is damaged or cut short; save it again"
 
 
 def check_layer(path: Path, limits: Limits) -> bytes | None:
@@ -51,9 +46,9 @@ def check_layer(path: Path, limits: Limits) -> bytes | None:
     if data.startswith(_TEXT):
         _check_text(data, limits)
         return data
-    if data.startswith(_CRATE):
+    if data.startswith(CRATE):
         _check_crate(data, limits)
-    elif data.startswith(_PACKAGE):
+    elif data.startswith(PACKAGE):
         _check_package(path, limits)
     return None
 
@@ -65,7 +60,7 @@ def can_be_read(path: Path, limits: Limits) -> bool:
         if text is not None:
             return _depth_at_end(text) == 0
         with path.open("rb") as file:
-            return file.read(len(_CRATE)).startswith((_CRATE, _PACKAGE))
+            return file.read(len(CRATE)).startswith((CRATE, PACKAGE))
     except (StageError, OSError):
         return False
 
@@ -112,27 +107,17 @@ def _depths(data: bytes) -> Iterator[int]:
 
 
 def _check_crate(data: bytes, limits: Limits) -> None:
-    """Read the table of contents: each section lies in the file, and none is absurdly large."""
-    try:
-        _, _, contents = _BOOTSTRAP.unpack_from(data)
-        (sections,) = struct.unpack_from("<Q", data, contents)
-        if contents < _BOOTSTRAP.size or sections > _MOST_SECTIONS:
-            _refuse(_DAMAGED)
-        for index in range(sections):
-            entry = _SECTION.unpack_from(data, contents + 8 + index * _SECTION.size)
-            name, start, size = entry[0].rstrip(b"\0"), entry[1], entry[2]
-            if start < 0 or size < 0 or start + size > len(data):
-                _refuse(_DAMAGED)
-            if name in _COUNTED:
-                (count,) = struct.unpack_from("<Q", data, start)
-                if count > limits.prims * _PER_PRIM:
-                    _refuse(f"holds {count} {_COUNTED[name]}; not opened")
-    except struct.error:
-        _refuse(_DAMAGED)
+    """Refuse a binary layer that is damaged, or whose tables are absurdly large."""
+    counts = entry_counts(io.BytesIO(data))
+    for name, what in _COUNTED.items():
+        if counts.get(name, 0) > limits.prims * _PER_PRIM:
+            _refuse(f"holds {counts[name]} {what}; not opened")
 
 
 def _check_package(path: Path, limits: Limits) -> None:
     """A USD package is a zip file of plain, unpacked files; each layer in it is looked at."""
+    with path.open("rb") as file:
+        check_binary(file, PACKAGE)
     try:
         with zipfile.ZipFile(path) as package:
             entries = package.infolist()
@@ -156,5 +141,5 @@ def _check_packed(package: zipfile.ZipFile, entry: zipfile.ZipInfo, limits: Limi
         data = package.read(entry)
         if data.startswith(_TEXT):
             _check_text(data, limits)
-        elif data.startswith(_CRATE):
+        elif data.startswith(CRATE):
             _check_crate(data, limits)

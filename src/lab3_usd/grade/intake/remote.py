@@ -17,6 +17,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.grade.awake import AwakeClock
 from lab3_usd.grade.intake.addresses import (
+    WEB,
     StorageLocation,
     is_address,
     name_at,
@@ -41,6 +42,7 @@ from lab3_usd.grade.intake.submission_copy import (
 _CHUNK = 1 << 20
 _LARGER_THAN_PICTURES = 8 << 20
 _SAME_NAME = "a file and a folder have the same name"
+_PAGE, _PAGES = "text/html", (".html", ".htm", ".xhtml", ".php")
 _FAULT = "fault"  # what we find wrong, among what a storage says of a file
 Fetched = tuple[RefusedFile, ...]
 
@@ -120,6 +122,8 @@ def _listing(
                 continue
             if not is_folder:
                 files[inside] = details
+            elif "\0" in name:  # which no path has
+                files[f"{inside}/"] = details
             elif name in plain:
                 files[f"{inside}/"] = {**details, _FAULT: _SAME_NAME}
             elif inside.count("/") >= bounds.limits.folders:
@@ -178,7 +182,7 @@ def _sorted_out(
     left_out = []
     total = 0
     for inside, details in sorted(listing.items()):
-        path, size = details["name"], details.get("size")
+        path, size, kind = details["name"], details.get("size"), details.get("mimetype")
         fault = details.get(_FAULT) or (name_fault(inside, limits) if inside else "")
         if not fault and (details["type"] != "file" or details.get("islink")):
             fault = "it is a link, pipe or device; not fetched"
@@ -187,7 +191,13 @@ def _sorted_out(
             continue
         if size is None:  # a web page says no sizes
             with _failing(inside):
-                size = location.storage.info(path).get("size")
+                told = location.storage.info(path)
+            size, kind = told.get("size"), told.get("mimetype")
+        if kind == _PAGE and not name_at(path).lower().endswith(_PAGES):
+            raise UnreachedError(
+                f"{inside or name_at(path)}: the server sends a web page in its place, as where "
+                "one has to log in"
+            )
         plain[inside] = (path, size)
         total += 0 if size is None or _is_unread(path, inside, size, limits) else size
     limits.check_count(len(plain) + len(left_out))
@@ -212,7 +222,7 @@ def _copy(
         UnreachedError: these are fewer than were listed; connections may end without a word.
     """
     copied = 0
-    with storage.open(path, "rb") as stream, place.open("wb") as file:
+    with opened_at(storage, path) as stream, place.open("wb") as file:
         while data := stream.read(_CHUNK):
             copied += len(data)
             _check_progress(copied, room, bounds)
@@ -220,6 +230,15 @@ def _copy(
     if size is not None and copied < size:
         raise UnreachedError(f"{name_at(path)}: the download ended after {copied} of {size} bytes")
     return copied
+
+
+def opened_at(storage: Any, path: str) -> Any:
+    """Open a file of a storage; that of a web server as one stream.
+
+    By parts, a server that answers each request from the beginning would give the beginning twice.
+    """
+    options = {"block_size": 0} if path.startswith(WEB) else {}
+    return storage.open(path, "rb", **options)
 
 
 def _check_progress(copied: int, room: int, bounds: FetchLimits) -> None:
@@ -265,7 +284,7 @@ def read_at(address: str, name: str) -> bytes | str:
     location = storage_at(address)
     path = f"{location.root.rstrip('/')}/{name}"
     try:
-        with location.storage.open(path, "rb") as stream:
+        with opened_at(location.storage, path) as stream:
             data: bytes = stream.read(LARGEST + 1)
     except Exception as error:  # noqa: BLE001 - a storage may raise anything
         return f"it cannot be read: {reason_of(error)}"

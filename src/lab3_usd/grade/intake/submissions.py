@@ -254,6 +254,8 @@ def _at_address(location: ClassLocation, address: str, notify: Notify) -> list[S
         if "::" in below.removeprefix(address):  # fsspec would read it as an address of its own
             fault = "its name holds '::' which cannot be part of an address"
             source = replace(part.source, fault=fault)
+        elif "\0" in part.entry:
+            source = replace(part.source, fault="its name holds characters that do not print")
         parts.append(replace(part, source=source))
     return parts
 

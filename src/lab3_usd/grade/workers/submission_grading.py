@@ -17,7 +17,7 @@ from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.deliverables.maps import SuppliedMap
 from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.gradebook import write_reports
-from lab3_usd.grade.intake.archives import NO_ARCHIVE, ArchiveError
+from lab3_usd.grade.intake.archives import ArchiveError, holds_nothing
 from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.staging import StagedSubmission, stage_submission
 from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
@@ -281,7 +281,7 @@ def _status(
         return status_of(how), f"{path}: {how}"
     if not judged.results:
         because = "; ".join(f"{file.path}: {file.reason}" for file in staged.refused[:1])
-        if any(file.reason == NO_ARCHIVE for file in staged.refused):
+        if any(holds_nothing(file.reason) for file in staged.refused):
             return "unreadable", because  # what it holds may be all that was handed in
         return "empty", because or "holds no stage of a checkpoint"
     if all(staged.digests.get(result.path) == _EMPTY for result in judged.results):

@@ -256,6 +256,10 @@ class Layout(Struct, frozen=True):
     not_sent: frozenset[str] = frozenset()
 
 
+# A column of SQLite holds what was written into it, of whatever type it is declared.
+_OTHER_COLUMNS = "is damaged: the columns of its tables hold values of other types"
+
+
 class Bag(Struct, frozen=True):
     """An open recording."""
 
@@ -290,6 +294,8 @@ class Bag(Struct, frozen=True):
                 count += 1
                 if count > self.most:
                     raise RecordingError(f"has more than {self.most} messages")
+                if not (isinstance(arrival, int) and isinstance(data, bytes)):
+                    raise RecordingError(_OTHER_COLUMNS)
                 plain = self.unpacker.message(data) if self.by_message else data
                 yield Raw(arrival, connection.topic, connection.msgtype, plain)
 
@@ -308,6 +314,9 @@ def opened(layout: Layout, bounds: Bounds) -> Iterator[Bag]:
         readers = [_reader(path, bounds) for path in plain]
         for reader in readers:
             stack.callback(reader.close)
+            for connection in reader.connections:
+                if not (isinstance(connection.topic, str) and isinstance(connection.msgtype, str)):
+                    raise RecordingError(_OTHER_COLUMNS)
         if sum(len(reader.connections) for reader in readers) > bounds.topics * files:
             raise RecordingError(too_many(bounds.topics))
         yield Bag(tuple(readers), layout.by_message, unpacker, bounds.messages)

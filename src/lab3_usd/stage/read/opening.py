@@ -2,34 +2,51 @@
 
 from __future__ import annotations
 
+import codecs
 import os
 import re
-from collections.abc import Callable, Hashable, Iterator
+from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any, BinaryIO, TypeVar
 
 from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
+from lab3_usd.stage.read.crate import CRATE, SPECS, check_binary, entry_counts
 from lab3_usd.stage.read.properties import hold_start_values
 
 _T = TypeVar("_T")
 # What usd-core says of text: `/work/x.usda:201:4: Expected } at 'x' in </A>`; of some faults it
 # names the rule of its grammar instead, in C++.
-_PARSE_ERROR = r":(\d+):(\d+): (parse error|[^'\n]+?)(?: matching| at '|\n|'|$)"
+_PARSE_ERROR = r":(\d+):(\d+): ([^\n]+?)(?: matching | at '|'?(?:\n|$))"
 _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 _ENDINGS_BY_START = {b"#usda": (".usda", ".usd"), b"PXR-U": (".usd", ".usdc")}
 _MOST_OPEN = 2
+TEXT = b"#usda"
+# How text of more than one byte a letter begins, as PowerShell and Notepad save it; the longest
+# marks first.
+_WIDE = (
+    (codecs.BOM_UTF32_LE, "UTF-32"),
+    (codecs.BOM_UTF32_BE, "UTF-32"),
+    (codecs.BOM_UTF16_LE, "UTF-16"),
+    (codecs.BOM_UTF16_BE, "UTF-16"),
+    ("#usd".encode("utf-16-le"), "UTF-16"),
+    ("#usd".encode("utf-16-be"), "UTF-16"),
+    ("#u".encode("utf-32-le"), "UTF-32"),
+)
+_ASSETS = re.compile(rb"@([^@\n]+)@")
+_MOST_SEARCHED = 20_000  # specs, a tenth of a second
 # What a file of 0 bytes is, as far as anybody can tell.
 PLACEHOLDER = "a placeholder of OneDrive or iCloud, or a failed save; hand in the file itself"
 
 
 def _open(path: Path) -> Usd.Stage:
     check_file(path)
+    check_layers_below(path)
     return Usd.Stage.Open(str(path), Usd.Stage.LoadAll)
 
 
@@ -188,12 +205,56 @@ def check_file(path: Path) -> None:
             start = file.read(8)
             if path.suffix.lower() not in ENDINGS:
                 raise _other_ending(path, start)
-            if start.startswith(b"#usda"):
+            encoding = next((name for mark, name in _WIDE if start.startswith(mark)), "")
+            if encoding:
+                raise StageError(f"{path}: is text in {encoding}", repair="save it again as UTF-8")
+            if start.startswith(TEXT):
                 _check_text(path, start + file.read())
+            else:
+                _check_tables(path, file, start)
     except OSError as error:
         raise StageError(f"{path}: cannot be read ({error.strerror})") from error
     if not start:
         raise StageError(f"{path}: is empty: {PLACEHOLDER}")
+
+
+def check_layers_below(path: Path) -> None:
+    """Refuse a stage that leads to a binary layer which would exhaust usd-core.
+
+    Texts are searched for what they lead to. Of binary layers it takes usd-core, which looks at
+    every spec: those with many are not searched.
+
+    Raises:
+        StageError: a layer is damaged; the line names it.
+    """
+    seen, waiting = {path}, [path]
+    while waiting:
+        layer = waiting.pop()
+        for asset in _assets_of(layer):
+            below = Path(os.path.normpath(layer.parent / asset))
+            if below in seen or not asset or below.suffix.lower() not in ENDINGS:
+                continue
+            seen.add(below)
+            waiting.append(below)
+            try:
+                with below.open("rb") as file:
+                    check_binary(file, file.read(len(CRATE)))
+            except StageError as error:
+                raise StageError(f"{path}: leads to {below}, which {error}") from error
+            except (OSError, ValueError):  # it is a missing asset, if anything asks for it
+                waiting.pop()
+
+
+def _assets_of(layer: Path) -> Iterable[str]:
+    with layer.open("rb") as file:
+        start = file.read(len(CRATE))
+        if start.startswith(TEXT):
+            names = _ASSETS.findall(start + file.read())
+            return [name.decode("utf-8", "replace") for name in names]
+        if start != CRATE or entry_counts(file).get(SPECS, 0) > _MOST_SEARCHED:
+            return ()
+    opened = Sdf.Layer.FindOrOpen(str(layer))
+    return () if opened is None else opened.GetCompositionAssetDependencies()
 
 
 def _other_ending(path: Path, start: bytes) -> StageError:
@@ -206,6 +267,14 @@ def _other_ending(path: Path, start: bytes) -> StageError:
     stem = inner.stem if inner.suffix.lower() in ENDINGS else inner.name
     name = inner.name if inner.suffix.lower() in endings else f"{stem}{endings[0]}"
     return StageError(text, repair=f"rename the file to {name}")
+
+
+def _check_tables(path: Path, file: BinaryIO, start: bytes) -> None:
+    """Refuse a binary layer, or a package of some, that would exhaust usd-core."""
+    try:
+        check_binary(file, start)
+    except StageError as error:
+        raise StageError(f"{path}: {error}") from error
 
 
 def _check_text(path: Path, data: bytes) -> None:

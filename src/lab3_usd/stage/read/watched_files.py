@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import struct
 from collections.abc import Iterable, Iterator
 from contextlib import contextmanager, suppress
 from pathlib import Path
@@ -10,14 +9,10 @@ from pathlib import Path
 from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
-from lab3_usd.stage.read.opening import ENDINGS, check_file, open_stage, opener
+from lab3_usd.stage.read.crate import CRATE, check_binary
+from lab3_usd.stage.read.opening import ENDINGS, check_file, check_layers_below, open_stage, opener
 
-# A binary layer begins with a name, a version and where its table of sections begins. Each
-# section has a name, a beginning and a size.
-_CRATE = b"PXR-USDC"
-_BEGIN, _COUNT, _SECTION = struct.Struct("<8s8sq"), struct.Struct("<Q"), struct.Struct("<16sqq")
-_MOST_SECTIONS = 64
-_NOT_TEXT = (_CRATE, b"PK")  # a binary layer, an archive
+_NOT_TEXT = (CRATE, b"PK")  # a binary layer, an archive
 
 
 @contextmanager
@@ -36,6 +31,7 @@ def text_in_memory() -> Iterator[None]:
 
 def _open_in_memory(path: Path) -> Usd.Stage:
     check_file(path)
+    check_layers_below(path)
     layers: dict[str, Sdf.Layer] = {}
     _read_texts(str(path), layers)
     return Usd.Stage.Open(layers.get(str(path), str(path)), Usd.Stage.LoadAll)
@@ -80,15 +76,10 @@ def may_be_whole(path: Path) -> bool:
     """
     try:
         with path.open("rb") as file:
-            begin = file.read(_BEGIN.size)
-            if not begin.startswith(_CRATE):
-                return bool(begin)
-            size, table = path.stat().st_size, _BEGIN.unpack(begin)[2]
-            file.seek(table)
-            count = min(_COUNT.unpack(file.read(_COUNT.size))[0], _MOST_SECTIONS)
-            sections = _SECTION.iter_unpack(file.read(_SECTION.size * count))
-            return table > 0 and all(start + length <= size for _, start, length in sections)
-    except (OSError, ValueError, struct.error):
+            start = file.read(len(CRATE))
+            check_binary(file, start)
+            return bool(start)
+    except (OSError, StageError):
         return False
 
 

@@ -1,0 +1,148 @@
+"""Looks at the tables of binary layers, alone or in a package, before usd-core reads them.
+
+usd-core makes room for as many entries as a table says that it has: a damaged count in a file of
+20 kB takes all memory of a computer. So what each table says must fit into its file. The layout is
+that of OpenUSD's pxr/usd/sdf/crateFile.cpp, and of its zipFile.cpp for packages.
+"""
+
+from __future__ import annotations
+
+import os
+import struct
+from collections.abc import Iterator
+from typing import Any, BinaryIO
+
+from msgspec import Struct
+
+from lab3_usd.errors import StageError
+
+CRATE = b"PXR-USDC"
+PACKAGE = b"PK\x03\x04"
+DAMAGED = "cannot be read: it is damaged or cut short; save it again"
+_BOOTSTRAP = struct.Struct("<8s8sq")  # a name, the version, where the table of contents begins
+_NUMBER = struct.Struct("<Q")
+_SECTION = struct.Struct("<16sqq")  # a name, where it begins, its size
+_PACKED_FILE = struct.Struct("<4s4xH8xLLHH")  # method, both sizes, lengths of name and extra field
+_MOST_SECTIONS = 64
+_OLDEST = (0, 4)  # version that usd-core reads; it says so of others
+_STORED = 0  # how a file in a package is packed: not at all
+_MOST_LARGER = 255  # times, by LZ4
+_MOST_NUMBERS = 4 * _MOST_LARGER  # in a byte: a number takes two bits before that
+SPECS = b"SPECS"
+# Numbers with which each section begins before the sizes of its parts; the first is how many
+# entries it has.
+_COUNTS = {b"FIELDS": 1, b"FIELDSETS": 1, b"PATHS": 2, SPECS: 1}
+_TOKENS, _STRINGS = b"TOKENS", b"STRINGS"
+_KNOWN = {_TOKENS, _STRINGS, *_COUNTS}
+
+
+class _Part(Struct, frozen=True):
+    """A part of a file: where it begins, and how many bytes it has."""
+
+    file: BinaryIO
+    begin: int
+    size: int
+
+    def inner(self, begin: int, size: int) -> _Part:
+        """Return what lies in it.
+
+        Raises:
+            StageError: it does not.
+        """
+        if begin < 0 or size < 0 or begin + size > self.size:
+            raise StageError(DAMAGED)
+        return _Part(self.file, self.begin + begin, size)
+
+    def read(self, form: struct.Struct, begin: int) -> Any:
+        """Return what stands there in it."""
+        self.file.seek(self.inner(begin, form.size).begin)
+        return form.unpack(self.file.read(form.size))
+
+    def number(self, begin: int) -> int:
+        """Return a number of 8 bytes."""
+        number: int = self.read(_NUMBER, begin)[0]
+        return number
+
+
+def check_binary(file: BinaryIO, start: bytes) -> None:
+    """Refuse a binary layer or a package whose tables do not fit into it; it begins with `start`.
+
+    Raises:
+        StageError: it is damaged; the line does not name it.
+    """
+    if not start.startswith((CRATE, PACKAGE)):
+        return
+    whole = _Part(file, 0, file.seek(0, os.SEEK_END))
+    for layer in [whole] if start.startswith(CRATE) else _packed_layers(whole):
+        _entry_counts(layer)
+
+
+def entry_counts(file: BinaryIO) -> dict[bytes, int]:
+    """Return how many entries each table of a binary layer says that it has.
+
+    Raises:
+        StageError: it is damaged; the line does not name it.
+    """
+    return _entry_counts(_Part(file, 0, file.seek(0, os.SEEK_END)))
+
+
+def _entry_counts(layer: _Part) -> dict[bytes, int]:
+    counts = {}
+    try:
+        _, version, contents = layer.read(_BOOTSTRAP, 0)
+        is_known = (version[0], version[1]) >= _OLDEST
+        count = layer.number(contents)
+        if contents < _BOOTSTRAP.size or count > _MOST_SECTIONS:
+            raise StageError(DAMAGED)
+        for index in range(count):
+            place = contents + _NUMBER.size + index * _SECTION.size
+            padded, begin, size = layer.read(_SECTION, place)
+            name, section = padded.rstrip(b"\0"), layer.inner(begin, size)
+            if name in _KNOWN and is_known:
+                counts[name] = section.number(0)
+                _check_section(section, name)
+    except struct.error as error:  # the file was cut meanwhile
+        raise StageError(DAMAGED) from error
+    return counts
+
+
+def _check_section(section: _Part, name: bytes) -> None:
+    """Refuse a table whose entries cannot all lie in it.
+
+    Raises:
+        StageError: they cannot.
+    """
+    count, room = section.number(0), section.size - _NUMBER.size
+    if name == _STRINGS:
+        most = room // 4
+    elif name == _TOKENS:
+        plain, packed = section.number(8), section.number(16)
+        section.inner(24, packed)
+        if plain > _MOST_LARGER * packed:
+            raise StageError(DAMAGED)
+        most = plain  # each ends in a zero
+    else:
+        begin = _NUMBER.size * _COUNTS[name]
+        count = max(section.number(place) for place in range(0, begin, _NUMBER.size))
+        most = _MOST_NUMBERS * section.inner(begin + _NUMBER.size, section.number(begin)).size
+    if count > most:
+        raise StageError(DAMAGED)
+
+
+def _packed_layers(package: _Part) -> Iterator[_Part]:
+    """Yield the binary layers of a package, whose files stand in it one after the other.
+
+    Raises:
+        StageError: a file does not lie in the package.
+    """
+    at = 0
+    while at + _PACKED_FILE.size <= package.size:
+        start, method, packed, plain, name, extra = package.read(_PACKED_FILE, at)
+        if start != PACKAGE:
+            return
+        file = package.inner(at + _PACKED_FILE.size + name + extra, packed)
+        if method == _STORED and plain == packed:
+            package.file.seek(file.begin)
+            if package.file.read(len(CRATE)) == CRATE:
+                yield file
+        at += _PACKED_FILE.size + name + extra + packed
