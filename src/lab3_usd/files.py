@@ -12,12 +12,19 @@ from typing import NamedTuple
 
 from lab3_usd.errors import Lab3Error, UsageError, unwritten
 
+SCRIPT_ENDINGS = (".py", ".ipynb")
 _DEVICES = Path("/dev")
 _MEMORY = Path("/dev/shm")  # noqa: S108 - below it are files as anywhere
 _ORIGINAL = r"\.orig(\.[0-9]+)?$"
 _LINE = "[^\n]*\n|[^\n]+"
 _HALF = ".lab3-half"  # ends the name of what is being written, and of nothing that people keep
 _HALF_NAME = f"[a-z0-9_]{{8}}{re.escape(_HALF)}"  # behind the prefix, as tempfile names
+
+
+def is_script_file(name: str | Path) -> bool:
+    """Whether a file of this name is a script or a notebook; hidden files are left by programs."""
+    path = Path(name)
+    return not path.name.startswith(".") and path.suffix in SCRIPT_ENDINGS
 
 
 def write_whole(target: Path, data: bytes, *, force: bool) -> None:

@@ -1,6 +1,7 @@
 """`pytest --lab3 work/`: every requirement of every checkpoint as a test of its own.
 
-`pytest --lab3-lint robots/`: every stage of Isaac Sim as a test, which the linter passes or fails.
+`pytest --lab3-lint robots/`: every stage of Isaac Sim as a test, which the linter passes or fails,
+and every script that builds graphs.
 
 Both heed the configuration beside the stages, as the commands do, or that of `--lab3-config`.
 """
@@ -18,6 +19,7 @@ from msgspec.structs import replace
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
+from lab3_usd.files import is_script_file
 
 if TYPE_CHECKING:
     from lab3_usd.config.settings import Config
@@ -41,7 +43,7 @@ def pytest_addoption(parser: pytest.Parser) -> None:
         action="append",
         default=[],
         metavar="PATH",
-        help="a stage of Isaac Sim, or a folder of them: each stage becomes a test",
+        help="a stage of Isaac Sim, a script, or a folder of them: each becomes a test",
     )
     group.addoption(
         "--lab3-config",
@@ -108,10 +110,14 @@ def _use_configuration(config: pytest.Config, paths: list[str]) -> None:
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:
     """Take the stages that are named, or that lie in a folder that is."""
-    if file_path.suffix.lower() not in ENDINGS:
+    is_script = is_script_file(file_path)
+    if file_path.suffix.lower() not in ENDINGS and not is_script:
         return None
-    if _configuration(parent.config, "--lab3-lint", file_path) is not None:
+    is_linted = _configuration(parent.config, "--lab3-lint", file_path) is not None
+    if is_linted and not (is_script and not _builds_graphs(file_path)):
         return LintedFile.from_parent(parent, path=file_path)
+    if is_script or is_linted:
+        return None
     configuration = _configuration(parent.config, "--lab3", file_path)
     if configuration is None:
         return None
@@ -123,6 +129,32 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     if configured is None and checkpoint_of(file_path.name, load_lab()) is None:
         return None
     return CheckpointFile.from_parent(parent, path=file_path)
+
+
+@pytest.hookimpl(tryfirst=True)
+def pytest_pycollect_makemodule(
+    module_path: Path, parent: pytest.Collector
+) -> pytest.Module | None:
+    """Keep pytest from importing a script that is linted."""
+    if _configuration(parent.config, "--lab3-lint", module_path) is None:
+        return None
+    return UnimportedModule.from_parent(parent, path=module_path)
+
+
+class UnimportedModule(pytest.Module):
+    """A script that is read and never imported: it has no tests of its own."""
+
+    def collect(self) -> Iterator[pytest.Item]:
+        """Yield nothing."""
+        yield from ()
+
+
+def _builds_graphs(script: Path) -> bool:
+    """Whether a script may build graphs; one that does not is no test."""
+    from lab3_usd.pipeline.lint import lint_platform
+    from lab3_usd.scripts.sources import may_build
+
+    return may_build(script, lint_platform().building.module)
 
 
 def _configuration(config: pytest.Config, option: str, file: Path) -> Config | None:
@@ -164,6 +196,8 @@ class LintedFile(pytest.File):
         from lab3_usd.pipeline.lint import LintSettings, lint_stage
 
         result = lint_stage(self.path, LintSettings(heeds_ignores=True))
+        if result.is_beside_the_point:
+            return
         item = NoFaultsItem.from_parent(self, name="lint")
         item.result = _as_asked(result, "--lab3-lint", self.config)
         yield item

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -17,6 +17,7 @@ from lab3_usd.commands.shared.options import (
     checkpoint_number,
     complete_checkpoints,
     echo,
+    scene_option,
     use_config,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
@@ -74,6 +75,7 @@ TREE = "TF"
 )
 @click.option("--all-ports", is_flag=True, help="Draw unused ports as well.")
 @click.option("--force", is_flag=True, help="Replace pictures that exist.")
+@scene_option
 @assets_option
 def command(target: str, folder: Path, **options: Any) -> None:
     """Draw each Action Graph and the TF tree of a stage, with its faults marked.
@@ -92,11 +94,11 @@ def command(target: str, folder: Path, **options: Any) -> None:
     if options["release"] is not None and not options["lint"]:
         raise UsageError("--isaac goes with --lint")
     if options["lint"]:
-        drawing = _linted(path, options["release"], options["all_ports"])
+        drawing = _linted(path, options["release"], options["all_ports"], options["scene"] or "")
     elif target in lab.graphs or target == TREE:
         drawing = Drawing([_reference(lab, target, options["all_ports"])], "")
     elif path.suffix or path.exists():
-        drawing = _of_stage(lab, path, options["checkpoint"], options["all_ports"])
+        drawing = _of_stage(lab, path, options, options["scene"] or "")
     else:
         names = ", ".join([*lab.graphs, TREE])
         raise UsageError(f"'{target}' is no stage file and no graph of the lab; graphs are {names}")
@@ -139,20 +141,21 @@ def _reference(lab: Lab, name: str, every_port: bool) -> Picture:  # noqa: FBT00
 def _of_stage(
     lab: Lab,
     path: Path,
-    number: str | None,
-    every_port: bool,  # noqa: FBT001
+    options: Mapping[str, Any],
+    scene: str,
 ) -> Drawing:
     from lab3_usd.check.checker import judge
+    from lab3_usd.pipeline.lint import read_any
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.pictures.graph_picture import stage_pictures
-    from lab3_usd.stage.read.reader import read_stage
 
+    number, every_port = options["checkpoint"], options["all_ports"]
     number = (
         checkpoint_of(path.name, lab)
         if number is None
         else checkpoint_number(number, lab.checkpoints)
     )
-    stage = read_stage(path, lab.platform)
+    stage = read_any(path, lab.platform, scene)
     stem = f"{path.stem}-"
     if number is None:
         bare = list(stage_pictures(lab, None, stage, every_port=every_port))
@@ -167,16 +170,15 @@ def _of_stage(
     return Drawing(list(pictures), stem, judged.crashes)
 
 
-def _linted(path: Path, release: str | None, every_port: bool) -> Drawing:  # noqa: FBT001
+def _linted(path: Path, release: str | None, every_port: bool, scene: str) -> Drawing:  # noqa: FBT001
     """Draw a stage with what the linter finds; findings elsewhere than in its graphs are listed."""
     from lab3_usd.check.lint import lint
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.lint import lint_platform
+    from lab3_usd.pipeline.lint import lint_platform, read_any
     from lab3_usd.report.pictures.graph_picture import linted_pictures
-    from lab3_usd.stage.read.reader import read_stage
 
     platform = lint_platform(release or BASE)
-    stage = read_stage(path, platform)
+    stage = read_any(path, platform, scene)
     found = lint(LintSubject(stage)).results
     pictures = linted_pictures(stage, found.findings, every_port=every_port)
     return Drawing(list(pictures), f"{path.stem}-", found.crashes)

@@ -14,6 +14,7 @@ from lab3_usd.commands.shared.options import (
     leave_broken_lab,
     native_option,
     report_options,
+    scene_option,
     view_options,
     with_config,
 )
@@ -41,15 +42,17 @@ _AS_FIX = {
 @click.option("--fix", is_flag=True, help="List the repairs that lab3 fix --lint would make.")
 @click.option("--diff", is_flag=True, help="With --fix: print the changes.")
 @click.option("--in-place", is_flag=True, help="With --fix: make the repairs.")
+@scene_option
 @assets_option
 @native_option
 @report_options
 @config_options
 @view_options
 def command(paths: tuple[str, ...], **options: Any) -> None:
-    """Judge any stage of Isaac Sim by what its graphs do.
+    """Judge any stage of Isaac Sim by what its graphs do, and the graphs that scripts build.
 
-    PATHS are stage files, or folders with stages in them or below. Findings are nodes that never
+    PATHS are stages, Python scripts and notebooks, or folders with some in them or below. A script
+    is read and never run; --stage names the scene that it loads. Findings are nodes that never
     compute or use unset inputs, dead wires, and topics, frames, robots and sensors that do not fit
     together. --fix lists the repairs of findings that have only one; --output FILE, or --in-place,
     which keeps NAME.orig, writes the repaired stage.
@@ -78,10 +81,11 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
         heeds_ignores=True,
         native=wants_native(options),
         own_rules=options["config"].rules,
+        scene=options["scene"] or "",
     )
     lint_platform(settings.release)  # which refuses an unknown one
     judge = Judge(
-        find=lambda path: find_stages(path, options["config"]),
+        find=lambda path: find_stages(path, options["config"], alone=len(paths) == 1),
         judge=lambda entries, jobs: lint_stages(entries, settings, jobs),
         module="lab3_usd.check.lint",
     )

@@ -10,6 +10,7 @@ from lab3_usd.commands.shared.options import (
     assets_option,
     echo,
     leave_broken_lab,
+    scene_option,
     terminal_width,
     use_config,
 )
@@ -33,6 +34,7 @@ from lab3_usd.commands.shared.paths import Input, OutputFile
     help="Draw it with publishers and rates as view_frames does, into a .svg, .png, .dot or .mmd.",
 )
 @click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
+@scene_option
 @assets_option
 @click.option("-v", "--verbose", is_flag=True, help="Name publisher and rate of each transform.")
 def command(
@@ -40,6 +42,7 @@ def command(
     form: str,
     picture: Path | None,
     assets: tuple[str, ...],
+    scene: str | None,
     *,
     force: bool,
     verbose: bool,
@@ -72,7 +75,7 @@ def command(
 
     use_config(stage, assets)
     leave_broken_lab()
-    ros = read_ros(stage)
+    ros = read_ros(stage, scene or "")
     _platform, model = ros.subject.platform, ros.subject.stage
     edges, hidden = all_edges(model), all_unresolved_frames(model)
     rates = {end.node.path: end.rate for end in endpoints(model)}

@@ -10,6 +10,7 @@ from lab3_usd.commands.shared.options import (
     assets_option,
     echo,
     leave_broken_lab,
+    scene_option,
     terminal_width,
     use_config,
 )
@@ -34,12 +35,14 @@ from lab3_usd.commands.shared.paths import Input, OutputFile
 )
 @click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
 @click.option("-v", "--verbose", is_flag=True, help="Also print frames, queue, QoS and rate.")
+@scene_option
 @assets_option
 def command(
     stage: Path,
     form: str,
     picture: Path | None,
     assets: tuple[str, ...],
+    scene: str | None,
     *,
     force: bool,
     verbose: bool,
@@ -62,7 +65,7 @@ def command(
 
     use_config(stage, assets)
     leave_broken_lab()
-    ros = read_ros(stage)
+    ros = read_ros(stage, scene or "")
     _platform, model = ros.subject.platform, ros.subject.stage
     ends, not_judged = endpoints(model), printable(coverage_line(ros.coverage))
     if picture is not None:

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError, described
+from lab3_usd.files import is_script_file
 from lab3_usd.model.finding import Submission
 from lab3_usd.pipeline.results import (
     ENDED,
@@ -57,6 +58,11 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Target]:
         UsageError: the folder holds no stage, or the checkpoint of a file is not known.
     """
     lab = load_lab()
+    if is_script_file(path):
+        raise UsageError(
+            f"{path}: is a script and no stage; {program()} lint judges the graphs that scripts "
+            "build"
+        )
     if not Path(path).is_dir():
         checkpoint_at(path, settings, lab)
         yield Target(path, is_submission=False)

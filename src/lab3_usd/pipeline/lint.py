@@ -16,16 +16,16 @@ from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.config.settings import Config
 from lab3_usd.data import data_folder
 from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError, described
+from lab3_usd.files import is_script_file
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import NodeCoverage, Score, StageResult, ordered
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.pipeline.results import (
     FAILED,
     Results,
     Target,
     crashed,
-    is_script_file,
     is_stage_file,
     located,
     unreadable,
@@ -38,13 +38,15 @@ class LintSettings(Struct, frozen=True):
     """How to judge: by which release of Isaac Sim, and whether notes in the stage count.
 
     With `native`, OpenUSD's own validators judge as well. `own_rules` are sources of rules, which a
-    process adds that judges for another one.
+    process adds that judges for another one. `scene` is the stage that scripts load, '' where that
+    is not known.
     """
 
     release: str = BASE
     heeds_ignores: bool = False
     native: bool = False
     own_rules: tuple[str, ...] = ()
+    scene: str = ""
 
 
 def lint_platform(release: str = BASE) -> Platform:
@@ -97,7 +99,21 @@ def _linted_script(path: str | Path, settings: LintSettings) -> StageResult:
     from lab3_usd.pipeline.scripts import ScriptSettings, lint_script
 
     platform = lint_platform(settings.release)
-    return lint_script(path, ScriptSettings(platform, None, heeds_ignores=settings.heeds_ignores))
+    scene = _scene(settings.scene, platform)
+    return lint_script(path, ScriptSettings(platform, scene, heeds_ignores=settings.heeds_ignores))
+
+
+def _scene(path: str, platform: Platform) -> StageModel | None:
+    """Read the stage that scripts load.
+
+    Raises:
+        StageError: it cannot be opened.
+    """
+    if not path:
+        return None
+    from lab3_usd.stage.read.reader import read_stage
+
+    return read_stage(Path(path), platform)
 
 
 def _linted(path: str | Path, release: str) -> StageResult:
@@ -154,41 +170,75 @@ class RosStage(Struct, frozen=True):
     unknown: tuple[Node, ...]
 
 
-def read_ros(path: Path) -> RosStage:
-    """Read any stage by the platform that lint takes.
+def read_any(path: Path, platform: Platform, scene: str = "") -> StageModel:
+    """Read a stage, or the one that a script leaves, over the `scene` that it loads.
 
     Raises:
-        StageError: the file cannot be opened.
+        StageError: the file cannot be opened, or builds no graph.
+        UsageError: a stage is given a scene.
+    """
+    if is_script_file(path):
+        from lab3_usd.pipeline.scripts import joined_stage
+
+        return joined_stage(path, platform, _scene(scene, platform))
+    if scene:
+        raise UsageError(f"--stage is for scripts, and {path} is none")
+    from lab3_usd.stage.read.reader import read_stage
+
+    return read_stage(path, platform)
+
+
+def read_ros(path: Path, scene: str = "") -> RosStage:
+    """Read any stage, or a script over the `scene` that it loads, by the platform of lint.
+
+    Raises:
+        StageError: the file cannot be opened, or builds no graph.
+        UsageError: a stage is given a scene.
     """
     from lab3_usd.check.lint import lint
     from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
-    from lab3_usd.stage.read.reader import read_stage
 
-    platform = lint_platform()
-    subject = LintSubject(read_stage(path, platform))
+    subject = LintSubject(read_any(path, lint_platform(), scene))
     coverage = lint(subject).coverage
     return RosStage(subject, coverage, tuple(nodes_of_unknown_type(subject.stage)))
 
 
-def find_stages(path: str, config: Config) -> Iterator[Target]:
-    """Yield what a path names: a stage, or the stages in a folder and below it.
+def find_stages(path: str, config: Config, *, alone: bool = True) -> Iterator[Target]:
+    """Yield what a path names: a stage or script, or those in a folder and below it.
 
-    Folders whose names begin with a dot are left out, and links to folders are not followed.
+    Folders whose names begin with a dot are left out, and links to folders are not followed. Of
+    scripts in a folder, and of those that are not named `alone`, only those that may build graphs
+    count.
 
     Raises:
-        UsageError: the folder holds no stage.
+        UsageError: the folder holds neither a stage nor a script.
     """
     if not Path(path).is_dir():
-        yield Target(path)
+        if alone or not is_script_file(path) or _may_build(Path(path)):
+            yield Target(path)
         return
     files: list[Path] = []
+    scripts: list[Path] = []
     for folder, folders, names in os.walk(path):
         folders[:] = [name for name in folders if not name.startswith(".")]
-        here = (Path(folder, name) for name in names if is_stage_file(name))
-        files += (file for file in here if not config.excludes(file))
-    if not files:
-        raise UsageError(f"{path}: holds no stage, nor does a folder in it")
+        for name in names:
+            kind = files if is_stage_file(name) else scripts if is_script_file(name) else None
+            if kind is not None and not config.excludes(Path(folder, name)):
+                kind.append(Path(folder, name))
+    if not (files or scripts):
+        raise UsageError(f"{path}: holds no stage and no script, nor does a folder in it")
+    files += (script for script in scripts if _may_build(script))
     yield from (Target(str(file)) for file in sorted(files))
+
+
+def _may_build(path: Path) -> bool:
+    """Whether a script may build graphs; one that cannot be read says so when it is judged."""
+    from lab3_usd.scripts.sources import may_build
+
+    try:
+        return may_build(path, lint_platform().building.module)
+    except StageError:
+        return True
 
 
 def lint_stages(entries: Sequence[Target], settings: LintSettings, jobs: int) -> Generator[Results]:

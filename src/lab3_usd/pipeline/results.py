@@ -26,17 +26,11 @@ from lab3_usd.model.finding import (
 
 UNREADABLE, UNUSED = "F01", "F06"
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")
-SCRIPT_ENDINGS = (".py", ".ipynb")
 
 
 def is_stage_file(name: str) -> bool:
     """Whether a file of this name in a folder is a stage; hidden files are left by programs."""
     return not name.startswith(".") and name.lower().endswith(STAGE_ENDINGS)
-
-
-def is_script_file(name: str) -> bool:
-    """Whether a file of this name is a script or a notebook; hidden files are left by programs."""
-    return not Path(name).name.startswith(".") and name.endswith(SCRIPT_ENDINGS)
 
 
 _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint", "own"})

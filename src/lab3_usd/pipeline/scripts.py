@@ -70,6 +70,27 @@ def lint_script(path: str | Path, settings: ScriptSettings) -> StageResult:
     return _judged(str(path), script, settings)
 
 
+def joined_stage(path: Path, platform: Platform, scene: StageModel | None) -> StageModel:
+    """Return the stage with the graphs of all ways through a script, one of each path.
+
+    Raises:
+        StageError: the script cannot be read, or builds no graph.
+    """
+    from lab3_usd.scripts.reader import read_script
+
+    script = read_script(path, platform, scene)
+    if script is None or not script.stages:
+        raise StageError(f"{path}: {NO_GRAPH}")
+    first, *others = sorted(script.stages, key=lambda stage: -len(stage.world.nodes))
+    graphs = {graph.path: graph for graph in first.model.graphs}
+    unresolved = dict.fromkeys(first.model.unresolved)
+    for other in others:
+        for graph in other.model.graphs:
+            graphs.setdefault(graph.path, graph)
+        unresolved.update(dict.fromkeys(other.model.unresolved))
+    return replace(first.model, graphs=tuple(graphs.values()), unresolved=tuple(unresolved))
+
+
 class _Placed(Struct, frozen=True):
     """A finding and the part of the script at which it stands."""
 

@@ -235,9 +235,9 @@ def plural(count: int, noun: str) -> str:
 
 def coverage_line(coverage: NodeCoverage) -> str:
     """Say how many nodes were not judged, or only in part, and what they wait for; '' for none."""
-    if not coverage.nodes:
+    if not coverage.nodes and coverage.built is None:
         return "there are no graph nodes to judge"
-    parts = []
+    parts = [] if coverage.built is None else [built_line(coverage)]
     if coverage.judged < coverage.nodes:
         left_out = coverage.nodes - coverage.judged
         waiting = _counted(coverage.waiting, "waits for", "wait for")
@@ -248,7 +248,20 @@ def coverage_line(coverage: NodeCoverage) -> str:
         count = sum(coverage.partly.values())
         listed = _counted(coverage.partly, "waits for", "wait for")
         parts.append(f"{plural(count, 'node')} judged in part ({listed})")
-    return ", ".join(parts)
+    return (", " if coverage.built is None else "; ").join(filter(None, parts))
+
+
+def built_line(coverage: NodeCoverage) -> str:
+    """Say how much of the graphs of a script was read, and how much only a run tells."""
+    built = coverage.built
+    if built is None or not built.graphs:
+        return ""
+    graphs = plural(built.graphs, "graph")
+    read = f"{graphs}, {plural(coverage.nodes, 'node')}, {plural(built.wires, 'wire')} read"
+    if not built.unknown:
+        return read
+    unknown = plural(len(built.unknown), "value")
+    return f"{read}; not known before it runs: {unknown} (-v lists them)"
 
 
 def _counted(counts: Mapping[str, int], one: str, several: str) -> str:

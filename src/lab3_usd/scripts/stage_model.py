@@ -233,7 +233,7 @@ def _meant(
             near = likely_name(name, known) or likely_name(INPUT + short, known)
             if near is not None and near not in ports:
                 what = state.value if state.value is not None else Unknown(name, 1)
-                is_signal = kind.ports[near].is_execution
+                is_signal = kind.ports[near].is_execution or bool(state.sources)
                 yield (
                     near,
                     PortState(near, "", None if is_signal else what, state.sources, state.targets),

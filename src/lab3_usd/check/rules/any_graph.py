@@ -107,6 +107,7 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
                 actual=other.written,
                 related=tuple(node.path for node in other.nodes),
                 severity="error" if _stops_script(graph, subject) else None,
+                hint=None if subject.stage.build is None else "write the names of this release",
                 fix=other.edits,
             )
 

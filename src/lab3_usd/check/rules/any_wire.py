@@ -131,6 +131,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 expected=near,
                 actual=wire.port,
                 severity="warning" if kind.is_documented else None,
+                hint=_hint_in_script(near, subject),
                 fix=(RenameProperty(wire.node.path, wire.port, near),)
                 if near and near not in wire.node.ports
                 else (),
@@ -234,7 +235,20 @@ def _with_port(problem: Problem, opening: str, wire: Connection, subject: Graphs
     if near and port and can_connect(kind.ports[near], port):
         problem = replace(problem, fix=_rewiring(wire, meant))
     expected = problem.expected or near
-    return replace(problem, message=message, expected=expected, related=(source.path,))
+    return replace(
+        problem,
+        message=message,
+        expected=expected,
+        related=(source.path,),
+        hint=_hint_in_script(near, subject),
+    )
+
+
+def _hint_in_script(near: str | None, subject: GraphsSubject) -> str | None:
+    """Say how to repair the name of a port in a script, None for a stage."""
+    if subject.stage.build is None:
+        return None
+    return f"write {near}" if near else "write the name of a port that the node has"
 
 
 def _input(wire: Connection) -> Port | None:

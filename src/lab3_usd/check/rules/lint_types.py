@@ -64,7 +64,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
             property=TYPE,
             expected=likely,
             actual=node.saved_type,
-            hint=_other_hint(node, subject) if likely is None else None,
+            hint=_hint(node, subject, likely),
             fix=(SetValue(node.path, TYPE, "token", likely),)
             if likely and kind and can_become(node, kind, subject.stage)
             else (),
@@ -80,6 +80,12 @@ def _other_release(node: Node, subject: LintSubject) -> str | None:
     if later:
         return f"; it came with Isaac Sim {later}"
     return f"; Isaac Sim {releases[-1]} was the last release with it" if releases else ""
+
+
+def _hint(node: Node, subject: LintSubject, likely: str | None) -> str | None:
+    if likely is None:
+        return _other_hint(node, subject)
+    return None if subject.stage.build is None else f"write {likely}"
 
 
 def _other_hint(node: Node, subject: LintSubject) -> str:

@@ -210,6 +210,9 @@ def _unknown_lines(result: StageResult, page: Page) -> Iterator[str]:
     coverage = "" if result.coverage is None else coverage_line(result.coverage)
     if coverage:
         yield from wrapped(coverage, INDENT, page.width)
+    built = None if result.coverage is None else result.coverage.built
+    for value in built.unknown if built is not None and page.verbose else ():
+        yield from wrapped(f"line {value.line}: {value.why}", INDENT * 2, page.width)
 
 
 def _not_judged_line(results: Sequence[StageResult], page: Page) -> Iterator[str]:
@@ -220,8 +223,15 @@ def _not_judged_line(results: Sequence[StageResult], page: Page) -> Iterator[str
         yield ""
         yield (
             f"{plural(count, 'thing')} {verb} not judged: "
-            f"{pronoun} may be in assets that were not found"
+            f"{pronoun} may be in {_where_else(results)}"
         )
+
+
+def _where_else(results: Sequence[StageResult]) -> str:
+    """Say where what was not judged may be: of scripts, in what they load."""
+    coverages = [result.coverage for result in results]
+    is_script = any(each is not None and each.built is not None for each in coverages)
+    return "the scenes that scripts load" if is_script else "assets that were not found"
 
 
 def _crash_lines(crashes: tuple[Crash, ...], page: Page) -> Iterator[str]:

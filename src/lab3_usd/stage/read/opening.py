@@ -13,7 +13,9 @@ from typing import Any, BinaryIO, TypeVar
 
 from pxr import Sdf, Tf, Usd
 
+from lab3_usd.data import program
 from lab3_usd.errors import StageError
+from lab3_usd.files import is_script_file
 from lab3_usd.stage.read.crate import CRATE, SPECS, check_binary, entry_counts
 from lab3_usd.stage.read.properties import hold_start_values
 
@@ -262,6 +264,11 @@ def _other_ending(path: Path, start: bytes) -> StageError:
     text = f"{path}: '{path.suffix}' is not a USD ending ({', '.join(ENDINGS)})"
     inner = Path(path.stem)  # robot.usda.txt
     endings = _ENDINGS_BY_START.get(start[:5], ())
+    if not endings and is_script_file(path):
+        return StageError(
+            f"{path}: is a script and no stage; {program()} lint judges the graphs that scripts "
+            "build"
+        )
     if not endings:
         return StageError(f"{text}, and the content is not USD")
     stem = inner.stem if inner.suffix.lower() in ENDINGS else inner.name

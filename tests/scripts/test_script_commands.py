@@ -1,0 +1,189 @@
+"""What the commands say of scripts: in each format, over a scene, in folders, where none fit."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from foreign_robots import rover
+from in_process import lab3
+from report_schema import assert_valid
+from scripted import as_script
+
+from lab3_usd.pipeline.lint import LintSettings, lint_stage
+from lab3_usd.report.formats.registry import FORMATS
+
+RIGHT = (Path(__file__).parent.parent / "script_cases" / "clock_right.txt").read_text("utf-8")
+WRONG = RIGHT.replace("Clock.inputs:timeStamp", "Clock.inputs:timestamp")
+LINE = next(n for n, line in enumerate(WRONG.splitlines(), 1) if "timestamp" in line)
+
+
+def script(folder: Path, text: str, name: str = "robot.py") -> Path:
+    path = folder / name
+    path.write_text(text, encoding="utf-8")
+    return path
+
+
+def rules(path: Path, **settings: object) -> list[str]:
+    found = lint_stage(path, LintSettings(heeds_ignores=True, **settings)).findings  # type: ignore[arg-type]
+    return sorted(f"{f.rule} {f.line}" for f in found if f.severity != "note")
+
+
+def test_the_text_says_how_much_was_read(tmp_path: Path) -> None:
+    printed = lab3("lint", script(tmp_path, RIGHT.replace("TOPIC = ", "TOPIC = input() #")))
+    assert "1 graph, 3 nodes, 2 wires read; not known before it runs: 1 value" in printed.stdout
+    assert printed.returncode == 0
+
+
+def test_what_is_not_known_is_listed_when_asked(tmp_path: Path) -> None:
+    text = RIGHT.replace('TOPIC = "clock"', "import config\nTOPIC = config.topic")
+    assert "config.topic" in lab3("lint", script(tmp_path, text), "-v").stdout
+
+
+def test_a_finding_shows_its_own_tuple(tmp_path: Path) -> None:
+    printed = lab3("lint", script(tmp_path, WRONG))
+    assert f"robot.py:{LINE}:17" in printed.stdout
+    assert f"> {LINE} |" in printed.stdout
+    assert printed.returncode == 1
+
+
+def test_the_json_report_counts_what_was_read(tmp_path: Path) -> None:
+    report = assert_valid(lab3("lint", script(tmp_path, WRONG), "--format", "json").stdout)
+    nodes = report["results"][0]["nodes"]
+    assert (nodes["total"], nodes["graphs"], nodes["wires"], nodes["values"]) == (3, 1, 2, 1)
+
+
+@pytest.mark.parametrize("name", sorted(set(FORMATS) - {"html", "gradescope"}))
+def test_each_format_reports_scripts(name: str, tmp_path: Path) -> None:
+    printed = lab3("lint", script(tmp_path, WRONG), "--format", name)
+    assert printed.returncode == 1
+    assert "timestamp" in printed.stdout
+
+
+def test_sarif_has_the_place_in_the_script(tmp_path: Path) -> None:
+    report = json.loads(lab3("lint", script(tmp_path, WRONG), "--format", "sarif").stdout)
+    (result,) = report["runs"][0]["results"]
+    place = result["locations"][0]["physicalLocation"]
+    assert place["artifactLocation"]["uri"].endswith("robot.py")
+    assert place["region"]["startLine"] == LINE
+
+
+@pytest.mark.parametrize("note", ["# lab3: ignore[K21]", "# lab3: ignore K21", "# lab3: ignore[K]"])
+def test_a_comment_ignores_a_finding_of_its_line(note: str, tmp_path: Path) -> None:
+    lines = WRONG.splitlines()
+    lines[LINE - 1] += f"  {note}"
+    assert rules(script(tmp_path, "\n".join(lines))) == []
+
+
+def test_a_comment_that_ignores_nothing_is_reported(tmp_path: Path) -> None:
+    lines = RIGHT.splitlines()
+    lines[LINE - 1] += "  # lab3: ignore[K21]"
+    assert rules(script(tmp_path, "\n".join(lines))) == [f"F06 {LINE}"]
+
+
+def test_a_baseline_hides_what_it_knows(tmp_path: Path) -> None:
+    path, baseline = script(tmp_path, WRONG), tmp_path / "known.json"
+    lab3("lint", path, "--write-baseline", baseline)
+    assert lab3("lint", path, "--baseline", baseline).returncode == 0
+
+
+def test_rules_are_selected(tmp_path: Path) -> None:
+    assert lab3("lint", script(tmp_path, WRONG), "--select", "B").returncode == 0
+
+
+def test_a_script_without_a_graph_is_no_fault(tmp_path: Path) -> None:
+    printed = lab3("lint", script(tmp_path, "print('hello')\n"))
+    assert printed.returncode == 0
+    assert "it builds no graph" in printed.stdout
+
+
+def test_scripts_without_graphs_are_passed_over_in_a_folder(tmp_path: Path) -> None:
+    script(tmp_path, "print('hello')\n", "other.py")
+    script(tmp_path, RIGHT)
+    printed = lab3("lint", tmp_path)
+    assert "other.py" not in printed.stdout
+    assert "1 file: 1 passed" in printed.stdout
+
+
+def test_a_folder_of_scripts_without_graphs_is_no_fault(tmp_path: Path) -> None:
+    script(tmp_path, "print('hello')\n")
+    assert lab3("lint", tmp_path).returncode == 0
+
+
+@pytest.mark.parametrize("text", ["print('hello')\n", WRONG])
+def test_nothing_of_a_script_is_run(text: str, tmp_path: Path) -> None:
+    trace = tmp_path / "trace"
+    lab3("lint", script(tmp_path, f"open({str(trace)!r}, 'w')\n{text}"))
+    assert not trace.exists()
+
+
+def test_a_syntax_error_is_an_error_at_its_line(tmp_path: Path) -> None:
+    report = json.loads(
+        lab3("lint", script(tmp_path, f"{RIGHT}\nx = (\n"), "--format", "json").stdout
+    )
+    (finding,) = report["results"][0]["findings"]
+    assert (finding["rule"], finding["line"]) == ("F01", len(RIGHT.splitlines()) + 2)
+
+
+def notebook(*cells: str) -> str:
+    return json.dumps(
+        {
+            "cells": [
+                {"cell_type": "markdown", "source": ["# Clock"]},
+                *(
+                    {"cell_type": "code", "source": cell.splitlines(keepends=True)}
+                    for cell in cells
+                ),
+            ]
+        },
+        indent=1,
+    )
+
+
+def test_a_notebook_is_read_cell_by_cell(tmp_path: Path) -> None:
+    text = notebook("%matplotlib inline\n!pip list\nimport this", WRONG, "await asyncio.sleep(1)")
+    path = script(tmp_path, text, "robot.ipynb")
+    (finding,) = lint_stage(path).findings
+    assert finding.message.endswith(f"(cell 3, line {LINE})")
+    assert "Clock.inputs:timestamp" in text.splitlines()[(finding.line or 0) - 1]
+
+
+@pytest.mark.parametrize("command", ["check", "sim"])
+def test_commands_about_stages_say_that_they_take_no_scripts(command: str, tmp_path: Path) -> None:
+    printed = lab3(command, script(tmp_path, RIGHT))
+    assert "lint judges the graphs that scripts build" in printed.stdout + printed.stderr
+    assert printed.returncode != 0
+
+
+def test_topics_are_those_that_the_script_names(tmp_path: Path) -> None:
+    asked = script(tmp_path, RIGHT.replace('TOPIC = "clock"', "TOPIC = args.topic"))
+    assert "{args.topic}" in lab3("topics", asked).stdout
+    assert "/clock" in lab3("topics", script(tmp_path, RIGHT)).stdout
+
+
+def test_the_graphs_of_a_script_are_drawn(tmp_path: Path) -> None:
+    printed = lab3("draw", script(tmp_path, RIGHT), "--lint", "-o", tmp_path / "pictures")
+    assert printed.returncode == 0
+    assert [path.name for path in (tmp_path / "pictures").iterdir()] == ["robot-Clock.svg"]
+
+
+def test_a_graph_written_as_a_script_is_judged_as_in_a_stage(tmp_path: Path) -> None:
+    file = tmp_path / "rover.usda"
+    rover().GetRootLayer().Export(str(file))
+    path, scene = as_script(file, tmp_path)
+    assert lint_stage(path, LintSettings(scene=str(scene))).findings == ()
+    assert (
+        lab3("tf", path, "--stage", scene).stdout.splitlines()[1:]
+        == (lab3("tf", file).stdout.splitlines()[1:])
+    )
+
+
+def test_without_its_scene_what_rests_on_prims_is_held_back(tmp_path: Path) -> None:
+    file = tmp_path / "rover.usda"
+    rover().GetRootLayer().Export(str(file))
+    path, _ = as_script(file, tmp_path)
+    result = lint_stage(path)
+    assert result.findings == ()
+    assert result.verdict == "pass"
+    assert result.not_judged
