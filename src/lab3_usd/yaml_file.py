@@ -190,8 +190,19 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:
         if not _fits(value, inner):
             names, fault = _fault(value, inner)
             return [name, *names], fault
+    if _is_record(kind) and isinstance(data, dict):
+        return [], _refusal(data, kind)
     quotes = "; put it in quotes" if kind is str and isinstance(data, (bool, int, float)) else ""
     return [], f"is {_SHOWN.repr(data)}, expected {_called(kind)}{quotes}"
+
+
+def _refusal(data: Any, kind: Any) -> str:
+    """Return why a record refuses values that are each of the right type."""
+    try:
+        msgspec.convert(data, kind, dec_hook=_parse)
+    except msgspec.ValidationError as error:
+        return str(error).partition(" - at `")[0]
+    return "is refused"
 
 
 @cache
@@ -247,7 +258,9 @@ def _fits(value: Any, kind: Any) -> bool:
 def _called(kind: Any) -> str:
     inner = get_args(kind)
     if get_origin(kind) is Annotated:
-        return f"{_called(inner[0])} from {inner[1].ge:.7g} to {inner[1].le:.7g}"
+        low, high = inner[1].ge, inner[1].le
+        lowest = f"above {inner[1].gt:.7g} and up" if low is None else f"from {low:.7g}"
+        return f"{_called(inner[0])} {lowest} to {high:.7g}"
     if get_origin(kind) is Literal:
         return f"one of {', '.join(filter(None, inner))}"
     if get_origin(kind) in _LISTS:

@@ -533,7 +533,7 @@ BUILT = {
     ),
     "an attribute that no schema has": (
         "scene.yaml", '"omni:sensor:tickRate"', '"omni:sensor:tickrate"',
-        "warning scene.yaml: /World/r1/mast/Cloud: tickrate: omni:sensor:tickrate is ignored",
+        "warning scene.yaml: /World/r1/mast/Cloud: omni:sensor:tickrate: omni:sensor:tickrate",
     ),
 }  # fmt: skip
 

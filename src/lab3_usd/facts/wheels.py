@@ -33,6 +33,7 @@ _BALL = "Sphere"
 _FLAT = ("Cube", PLANE)
 _SQUARE = 0.999  # how far along an axis an axis must point
 _ALIKE = 0.02
+_NOISE = 1e-4  # of sizes that are measured after turns and scales
 _OF_CAR = 4  # wheels
 
 
@@ -121,7 +122,8 @@ def car_sizes(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | No
 
 def _common_radius(pair: Sequence[Prim], stage: StageModel) -> float | None:
     one, other = (wheel_radius(joint, stage) for joint in pair)
-    return one if one == other else None
+    is_same = one is not None and other is not None and math.isclose(one, other, rel_tol=_NOISE)
+    return one if is_same else None
 
 
 @once_per_stage

@@ -269,11 +269,17 @@ def checkpoints_text(
     return f"{head}\n{policy}\n{document('', data, notes)}"
 
 
+_ACCEPTED = "  accepts:"
+
+
 def _policy() -> str:
-    """Return what the bundled lab says of every graph, with its comments."""
+    """Return what the bundled lab says of every graph, with its comments.
+
+    What it accepts is true of its own robot alone.
+    """
     text = (data_folder("graphs") / CHECKPOINTS).read_text(encoding="utf-8")
     part = text[text.index("\npolicy:") + 1 :]
-    lines = part.splitlines()
+    lines = [line for line in part.splitlines() if not line.startswith(_ACCEPTED)]
     end = next(number for number, line in enumerate(lines) if not line)
     text = "\n".join(lines[:end]).replace(", see decisions", "")
     return text.replace('handout: "decisions"', "handout: A1") + "\n"

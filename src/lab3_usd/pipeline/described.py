@@ -2,57 +2,106 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.lint import LintSettings, lint_stage
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.contradictions.names import LabFault, file_of
-from lab3_usd.spec.lab import SCENE, Checkpoint, Lab
-from lab3_usd.spec.scene import is_within
+from lab3_usd.spec.lab import SCENE, STARTER, Checkpoint, Lab
+from lab3_usd.spec.positions import has_place
+from lab3_usd.spec.scene import JointSpec, is_within
+from lab3_usd.stage.schema_names import Misnomer, misnomers
+
+_KEY = re.compile(r"(?<=[a-z])([A-Z])")  # where a name of USD goes on that a key writes with `_`
+_DESCRIBED = ("K09",)  # a node that ends the run is there because the lab describes it
 
 
 def described_faults(lab: Lab) -> Iterator[LabFault]:
-    """Yield what is wrong with the last stage, and with each optional one, that are built.
+    """Yield what is wrong with the stages that are built.
 
-    The lab describes its starter. All are warnings: the lab can be loaded.
+    The last one that is required comes first, then each optional one: they have all parts, and the
+    linter judges them as well. The lab describes its starter. All are warnings: the lab can be
+    loaded.
 
     Raises:
         StarterError: the starter lacks what the lab needs.
     """
     from lab3_usd.stage.write.builder import BuildOptions, build_files
 
-    required = [point for point in lab.checkpoints.values() if not point.optional][-1:]
-    points = [*required, *(point for point in lab.checkpoints.values() if point.optional)]
+    required = [point for point in lab.checkpoints.values() if not point.optional]
+    whole = [*required[-1:], *(point for point in lab.checkpoints.values() if point.optional)]
     with TemporaryDirectory(prefix="lab3-described-") as folder:
+        points = (*whole, *required[:-1])
         plan = {Path(folder) / f"{point.id}.usda": point for point in points}
         build_files(lab, None, dict(plan), BuildOptions())
+        for misnomer in misnomers(next(iter(plan)), _prim_types(lab.platform)):
+            yield _misspelt(misnomer, lab)
         known: set[tuple[str, str | None]] = set()
         for path, point in plan.items():
-            for finding in _findings(path, point, lab):
+            found = [*check_stage(path, point.id, lab).findings]
+            found = [finding for finding in found if finding.severity != "note"]
+            if point in whole:
+                found += _linted(path, lab)
+            for finding in found:
                 place = (finding.prim, finding.property)
                 if place not in known:
                     known.add(place)
                     yield _fault(finding, point, lab)
 
 
-def _findings(path: Path, point: Checkpoint, lab: Lab) -> Iterator[Finding]:
-    """Yield the errors and warnings of the lab, then the errors of the linter."""
-    judged = check_stage(path, point.id, lab).findings
-    yield from (finding for finding in judged if finding.severity != "note")
-    linted = lint_stage(path, LintSettings(release=lab.platform.release)).findings
-    yield from (finding for finding in linted if finding.severity == "error")
+def _linted(path: Path, lab: Lab) -> Iterator[Finding]:
+    """Yield the errors of the linter, and the warnings that the lab does not mean."""
+    meant = (*_DESCRIBED, *lab.policy.accepts)
+    for finding in lint_stage(path, LintSettings(release=lab.platform.release)).findings:
+        if finding.severity == "error" or (
+            finding.severity == "warning" and finding.rule not in meant
+        ):
+            yield finding
+
+
+def _prim_types(platform: Platform) -> frozenset[str]:
+    """Return the types of prims that Isaac Sim has beside those of USD's own schemas."""
+    named = [kind.types for kind in platform.sensors.values()]
+    named += [kind.types for kind in platform.targets.values()]
+    return frozenset(
+        (
+            platform.graph.type,
+            platform.graph.node_type,
+            *platform.placed,
+            *(name for types in named for name in types),
+        )
+    )
+
+
+def _misspelt(misnomer: Misnomer, lab: Lab) -> LabFault:
+    message = f"'{misnomer.written}' is not known, '{misnomer.meant}' is"
+    what = misnomer.property or "type"
+    file = _file_with(lab, misnomer.prim)
+    return LabFault(file, f"{misnomer.prim}: {what}", message, severity="warning")
+
+
+def _file_with(lab: Lab, prim: str) -> str:
+    """Return the file that describes a prim of the scene: that of the requirements, if it does."""
+    return SCENE if has_place(lab.folder, SCENE, prim) else STARTER
 
 
 def _fault(finding: Finding, point: Checkpoint, lab: Lab) -> LabFault:
     """Return what a finding says of the file that describes its prim."""
-    file, key = SCENE, finding.prim
+    file, key = _file_with(lab, finding.prim), finding.prim
+    name = (finding.property or "").rpartition(":")[2]
+    if file == STARTER or any(finding.prim == sensor.path for sensor in lab.sensors.values()):
+        name = finding.property or ""
+    elif file == SCENE:
+        key_of_joint = _KEY.sub(r"_\1", name).lower()
+        name = key_of_joint if key_of_joint in JointSpec.__struct_fields__ else name
     for graph in lab.graphs.values():
         if is_within(finding.prim, graph.path):
             file, key = file_of(graph), finding.prim.removeprefix(graph.path).lstrip("/") or "graph"
-    if finding.property:
-        key += f": {finding.property.rpartition(':')[2]}"
+            name = (finding.property or "").rpartition(":")[2]
     other = f"{finding.rule}, in the stage that is built for checkpoint {lab.key_of(point.id)}"
-    return LabFault(file, key, finding.message, other, "warning")
+    return LabFault(file, f"{key}: {name}" if name else key, finding.message, other, "warning")

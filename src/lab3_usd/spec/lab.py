@@ -89,14 +89,16 @@ class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree
 class Policy(Struct, frozen=True, forbid_unknown_fields=True):
     """Rules for every graph.
 
-    `tick` is the event of every graph. Names of ROS are Isaac Sim's, and need not be given: where a
-    lab gives them, they must be the same.
+    `tick` is the event of every graph. `accepts` are rules of the linter whose findings in the
+    lab's own stages are meant, so that `lab check` leaves them out. Names of ROS are Isaac Sim's,
+    and need not be given: where a lab gives them, they must be the same.
     """
 
     handout: str
     keep_default: tuple[str, ...]
     stamp_reset: StampReset
     tick: str
+    accepts: tuple[str, ...] = ()
     namespace: str = ""
     namespace_attribute: str = ""
     tree_topics: tuple[str, ...] = ()

@@ -18,6 +18,7 @@ _LARGEST = 1_000_000  # bytes of a file in which places are looked up
 _MISSING = " is missing"
 _QUOTED = re.compile(r"'([^']+)'")
 _PATH = re.compile(r"(/\w+)+")
+_OWN_PATH = "path"
 _NUMBERED = re.compile(r"(\w+) (\d+)")
 
 
@@ -42,6 +43,12 @@ def place_of(folder: Path, message: str) -> str:
     return f"{shown}:{line}:{column}"
 
 
+def has_place(folder: Path, file: str, prim: str) -> bool:
+    """Whether a file of a folder names a prim, as a key, as a path, or inside that of another."""
+    path = folder / file
+    return path.is_file() and _position(path, [prim]) != (1, 1)
+
+
 def _position(path: Path, keys: Sequence[str]) -> tuple[int, int]:
     """Return the position of the last of the keys that the file has, each inside the one before."""
     try:
@@ -54,11 +61,13 @@ def _position(path: Path, keys: Sequence[str]) -> tuple[int, int]:
     except (yaml.YAMLError, OSError, UnicodeDecodeError):
         return 1, 1
     mark = None
-    for key in [name for written in keys for name in _names(written)]:
-        found = _found(node, key)
-        if found is not None:
-            mark, inner = found
-            node = node if isinstance(inner, yaml.ScalarNode) else inner
+    for written in keys:
+        # A topic is a key as it is written; of a path, each name is one, inside the one before.
+        whole = _whole(node, written) if _PATH.fullmatch(written) else None
+        each = [whole] if whole is not None else (_found(node, key) for key in _names(written))
+        for found in each:
+            if found is not None:
+                mark, node = found
     return (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
 
 
@@ -69,13 +78,25 @@ def _composed(text: bytes) -> Any:
     return yaml.compose(text, Loader=_Loader)
 
 
+def _whole(node: Any, path: str) -> tuple[Any, Any] | None:
+    """Return where a path is a key, or the `path` of something, and what is there."""
+    for _, is_key, (mark, text, inner) in _texts(node):
+        if is_key and text == path:
+            return mark, inner
+        if is_key and text == _OWN_PATH and isinstance(inner, yaml.MappingNode):
+            own = _value(inner, _OWN_PATH)
+            if isinstance(own, yaml.ScalarNode) and own.value == path:
+                return own.start_mark, inner
+    return None
+
+
 def _names(key: str) -> Sequence[str]:
     """Return the keys that a key stands for: of the path of a prim, its names."""
     return key.split("/")[1:] if _PATH.fullmatch(key) else (key,)
 
 
 def _found(node: Any, key: str) -> tuple[Any, Any] | None:
-    """Return where a node has a key, and what is there.
+    """Return where a node has a key, and what is there; of a text, the mapping around it.
 
     The last key is the message itself: what it quotes is in the node, unless it is missing here.
     """
@@ -102,21 +123,23 @@ def _value(node: Any, name: str) -> Any:
 def _texts(node: Any) -> Iterator[tuple[int, bool, tuple[Any, Any, Any]]]:
     """Yield the keys and texts in a node, the outer ones first: mark, text, and what is there.
 
-    What aliases repeat is entered once: aliases of aliases unfold without end.
+    Around a text that is the mapping which holds it. What aliases repeat is entered once: aliases
+    of aliases unfold without end.
     """
-    level, depth, entered = [node], 0, set[int]()
+    level, depth, entered = [(node, node)], 0, set[int]()
     while level:
         depth, below = depth + 1, []
-        for inner in level:
+        for inner, around in level:
             if id(inner) in entered:
                 continue
             entered.add(id(inner))
             if isinstance(inner, yaml.MappingNode):
                 for key, value in inner.value:
-                    yield depth, True, (key.start_mark, key.value, value)
-                    below.append(value)
+                    is_text = isinstance(value, yaml.ScalarNode)
+                    yield depth, True, (key.start_mark, key.value, inner if is_text else value)
+                    below.append((value, inner))
             elif isinstance(inner, yaml.SequenceNode):
-                below += inner.value
+                below += ((entry, around) for entry in inner.value)
             elif isinstance(inner, yaml.ScalarNode):
-                yield depth - 1, False, (inner.start_mark, inner.value, inner)
+                yield depth - 1, False, (inner.start_mark, inner.value, around)
         level = below

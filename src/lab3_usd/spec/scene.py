@@ -12,6 +12,7 @@ from lab3_usd.spec.ros import MapFacts
 
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]  # finite, and no room is larger
 Positive = Annotated[float, Meta(ge=0, le=1e9)]
+Unit = Annotated[float, Meta(gt=0, le=1e9)]
 Number3 = tuple[Number, Number, Number]
 Plain = str | bool | int | float | tuple[Any, ...]
 ANYWHERE = "anywhere"  # recognised off the robot as well
@@ -28,8 +29,8 @@ class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
 
     handout: str
     up_axis: Literal["Y", "Z"]
-    meters_per_unit: Number
-    kilograms_per_unit: Number
+    meters_per_unit: Unit
+    kilograms_per_unit: Unit
 
 
 class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
@@ -54,6 +55,11 @@ class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):
     rotate: Number3
     scale: Number3
     handout: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse a scale with which nothing is left of a prim."""
+        if 0 in self.scale:
+            raise ValueError("scale has a 0, with which nothing is left of the prim")
 
 
 class ArticulationSpec(Struct, frozen=True, forbid_unknown_fields=True):
@@ -255,6 +261,11 @@ class ViewSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
     along: Number3
     up: Number3
+
+    def __post_init__(self) -> None:
+        """Refuse directions that are none."""
+        if not any(self.along) or not any(self.up):
+            raise ValueError("along and up are directions, which 0, 0, 0 is not")
 
 
 class SlipSpec(ViewSpec, frozen=True, forbid_unknown_fields=True):

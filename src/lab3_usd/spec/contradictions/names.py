@@ -248,7 +248,10 @@ def _tree(lab: Lab) -> dict[str, None]:
 def _double_parents(lab: Lab) -> Iterator[LabFault]:
     parents: dict[str, str] = {}
     for parent, child in lab.frames.edges:
-        if parents.setdefault(child, parent) != parent:
+        if parent == child:
+            message = f"'{child}' is its own parent"
+            yield LabFault(CHECKPOINTS, f"{TREE}: {parent} -> {child}", message)
+        elif parents.setdefault(child, parent) != parent:
             message = f"'{child}' has two parents, '{parents[child]}' and '{parent}'"
             other = f"{CHECKPOINTS}: {TREE}: {parents[child]} -> {child}"
             yield LabFault(CHECKPOINTS, f"{TREE}: {parent} -> {child}", message, other)
@@ -305,6 +308,8 @@ def _unpublished(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
     """Yield the transforms of the tree that no node of a graph gives."""
     published = {frame.child for frame in given}
     for parent, child in lab.frames.edges:
+        if parent == child:
+            continue
         key = f"{TREE}: {parent} -> {child}"
         makers = [graph_frame for graph_frame in given if graph_frame.child == child]
         if not makers:

@@ -225,7 +225,7 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
         folders=content.folders,
         stages=content.stages,
         deliverables=records(content.deliverables, Deliverable, f"{SUBMISSION}: deliverables"),
-        starter=content.starter or _usual_starter(),
+        starter=content.starter or _usual_starter(content.stages.handout),
         checklist=tuple(
             record({"section": section, **line}, ChecklistSpec, f"{checklist}: {section}")
             for section, lines in content.checklist.items()
@@ -234,10 +234,14 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
     )
 
 
-def _usual_starter() -> StarterRules:
-    """Return what the bundled lab compares of a starter: facts of USD and of Isaac Sim."""
+def _usual_starter(handout: str) -> StarterRules:
+    """Return what the bundled lab compares of a starter: facts of USD and of Isaac Sim.
+
+    `handout` is the section of another lab that asks for it.
+    """
     content = read_yaml(data_folder("graphs") / SUBMISSION)
-    return record(content["starter"], StarterRules, f"{SUBMISSION}: starter")
+    usual = record(content["starter"], StarterRules, f"{SUBMISSION}: starter")
+    return replace(usual, handout=handout)
 
 
 def assemble_lab(folder: Path, platform_of: Callable[[Path], Platform]) -> Lab:

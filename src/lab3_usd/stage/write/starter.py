@@ -17,6 +17,7 @@ from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spe
 from lab3_usd.spec.scene import ArticulationSpec, RobotSpec
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import quiet
+from lab3_usd.stage.schema_names import likely_property, likely_type
 from lab3_usd.stage.write.graphs import quaternion, usd_value
 
 _BODY = "PhysicsRigidBodyAPI"
@@ -224,10 +225,20 @@ def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
             raise SpecError(f"{site}: '{kind}' is no type of USD")
         attribute = prim.CreateAttribute(spec.name, value_type, False, variability)  # noqa: FBT003 - no keyword
     if not attribute:
-        raise SpecError(f"{site} is not known to USD here, give its type as well")
+        raise SpecError(f"{site} is not known to USD here, {_advice(prim, spec.name)}")
+
     try:
         attribute.Set(usd_value(spec.value, attribute.GetTypeName()))
     except (Tf.ErrorException, TypeError) as error:
         raise SpecError(
             f"{site} is {spec.value!r}, expected a {attribute.GetTypeName()}"
         ) from error
+
+
+def _advice(prim: Usd.Prim, name: str) -> str:
+    """Say what an attribute, or the type of its prim, was likely meant to be."""
+    meant = likely_type(str(prim.GetTypeName()), ())
+    if meant is not None:
+        return f"nor is the type '{prim.GetTypeName()}'; did you mean {meant}?"
+    alike = likely_property(prim, name)
+    return f"did you mean {alike}?" if alike else "give its type as well"

@@ -1,0 +1,77 @@
+"""Names of types and attributes that no schema of USD has, and that are like one that it has."""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterator
+from difflib import get_close_matches
+from functools import cache
+from pathlib import Path
+
+from msgspec import Struct
+from pxr import Tf, Usd
+
+from lab3_usd.stage.read.opening import open_stage
+
+_ALIKE = 0.85
+
+
+class Misnomer(Struct, frozen=True):
+    """A name of a prim's type, or of a property, that is likely misspelt; `meant` is known."""
+
+    prim: str
+    property: str
+    written: str
+    meant: str
+
+
+def misnomers(path: Path, types: Collection[str]) -> Iterator[Misnomer]:
+    """Yield the names of a stage that are likely misspelt, in the order of its prims.
+
+    `types` are prim types beside those of USD's own schemas. A name that is like no known one may
+    be of an extension.
+
+    Raises:
+        StageError: the file cannot be opened.
+    """
+    stage = open_stage(path)  # which ends with the last name of it
+    for prim in stage.TraverseAll():
+        place, kind = str(prim.GetPath()), str(prim.GetTypeName())
+        meant = likely_type(kind, types)
+        if meant is not None:
+            yield Misnomer(place, "", kind, meant)
+            continue
+        for name in prim.GetAuthoredPropertyNames():
+            meant = likely_property(prim, name)
+            if meant is not None:
+                yield Misnomer(place, name, name, meant)
+
+
+def likely_type(name: str, types: Collection[str]) -> str | None:
+    """Return the type that is like a name which no schema has; None for a known or strange one."""
+    known = {*_own_types(), *types}
+    if not name or name in known:
+        return None
+    return next(iter(get_close_matches(name, sorted(known), 1, _ALIKE)), None)
+
+
+def likely_property(prim: Usd.Prim, name: str) -> str | None:
+    """Return the property that is like a name which the schemas of a prim do not have.
+
+    Of a prim whose type no schema of USD has, nothing is known.
+    """
+    if prim.GetTypeName() not in _own_types():
+        return None
+    names = prim.GetPrimDefinition().GetPropertyNames()
+    if name in names:
+        return None
+    return next(iter(get_close_matches(name, names, 1, _ALIKE)), None)
+
+
+@cache
+def _own_types() -> frozenset[str]:
+    """Return the types of USD's own schemas that prims can have."""
+    registry = Usd.SchemaRegistry()
+    kinds = Tf.Type.FindByName("UsdTyped").GetAllDerivedTypes()
+    return frozenset(
+        str(registry.GetSchemaTypeName(kind)) for kind in kinds if registry.IsConcrete(kind)
+    )
