@@ -40,7 +40,7 @@ from scene_stages import built, model_of, told_after
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.registry import Rule
 from lab3_usd.check.rule_runs import run_rule
-from lab3_usd.model.finding import NotJudged, Problem, Report, Score, StageResult
+from lab3_usd.model.finding import NotJudged, Problem, Report, Requirement, StageResult
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
 from lab3_usd.pipeline.lint import lint_stage
 from lab3_usd.pipeline.stage import check_stage
@@ -137,12 +137,16 @@ def test_what_a_missing_robot_could_meet_is_not_met(tmp_path: Path) -> None:
         "TF",
     }
     assert result.score.not_judged == len(unknown)
-    assert result.score.met == result.score.possible - len(unknown)
+    assert result.score.earned == result.score.possible - len(unknown)
 
 
 @pytest.mark.parametrize("form", ["text", "markdown", "html"])
 def test_no_report_counts_what_was_not_judged_as_met(form: str) -> None:
-    result = StageResult("stage.usda", "05", "not judged", Score(215, 215, 28))
+    asked = tuple(
+        Requirement(f"Scene/mass/{number}", "Scene", "scene", "mass", met=True, judged=number >= 28)
+        for number in range(215)
+    )
+    result = StageResult("stage.usda", "05", requirements=asked, gaps=("the robot is missing",))
     shown = render(form, Report((result,)), None, Options())
     assert "187 of 215" in shown
     assert "28 not judged" in shown
@@ -242,7 +246,7 @@ def test_a_missing_sublayer_of_an_asset_leaves_the_rest_of_the_lab_judged(tmp_pa
 def test_the_verbose_text_counts_what_was_not_judged(
     entries: tuple[NotJudged, ...], line: str
 ) -> None:
-    result = StageResult("stage.usda", "05", "pass", Score(1, 1), not_judged=entries)
+    result = StageResult("stage.usda", "05", not_judged=entries)
     assert line in render("text", Report((result,)), {}, Options(verbosity="verbose")).splitlines()
 
 
@@ -255,7 +259,7 @@ def test_other_reports_are_the_same_with_and_without_what_was_not_judged(
     texts = {
         render(
             form,
-            Report((StageResult("a.usda", "05", "pass", Score(1, 1), not_judged=entries),)),
+            Report((StageResult("a.usda", "05", not_judged=entries),)),
             {},
             Options(verbosity=verbosity),  # type: ignore[arg-type]
         )

@@ -10,8 +10,7 @@ from pxr import Usd
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.model.finding import Problem
-from lab3_usd.pipeline.results import score_of
+from lab3_usd.model.finding import Problem, StageResult
 
 BEACON = "/World/Beacon"
 CHECKPOINT = "02"
@@ -24,7 +23,7 @@ def with_beacon() -> Usd.Stage:
 
 
 def points(stage: Usd.Stage) -> tuple[float, float]:
-    score = score_of(judged(stage, CHECKPOINT).requirements)
+    score = StageResult("", None, requirements=judged(stage, CHECKPOINT).requirements).score
     return score.earned, score.possible
 
 

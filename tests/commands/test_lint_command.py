@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import os
 from pathlib import Path
 from subprocess import CompletedProcess
 
@@ -82,6 +83,28 @@ def test_a_folder_means_the_stages_below_it_as_well(broken: Path) -> None:
     report = json.loads(lint(broken.parent, "--format", "json").stdout)
     below = broken.parent / "parts" / "wheels" / "whole.usda"
     assert [each["path"] for each in report["results"]] == [str(below), str(broken)]
+
+
+def test_a_folder_that_may_not_be_opened_is_named_and_fails(
+    broken: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    scan = os.scandir
+    closed = broken.parent / "closed"
+    closed.mkdir()
+    broken.unlink()
+    saved(rover(), broken.with_name("whole.usda"))
+
+    def scandir(path: str) -> object:
+        if Path(path) == closed:
+            raise PermissionError(13, "Permission denied", str(path))
+        return scan(path)
+
+    monkeypatch.setattr(os, "scandir", scandir)
+    done = lint(broken.parent)
+    assert done.returncode == 1
+    assert f"{closed}: unreadable, 1 error" in done.stdout
+    assert "cannot be read (Permission denied)" in done.stdout
+    assert "2 files: 1 passed, 1 failed" in done.stdout
 
 
 def test_several_processes_find_the_same(broken: Path) -> None:

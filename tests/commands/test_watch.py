@@ -27,7 +27,7 @@ from waiting import eventually
 from lab3_usd.commands.shared import watching
 from lab3_usd.commands.shared.watching import changes_between
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.model.finding import Finding, Report, Score, StageResult
+from lab3_usd.model.finding import Finding, Report, StageResult
 from lab3_usd.report.html.live_page import live_page, version_file, version_script
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.watched_files import may_be_whole, text_in_memory
@@ -474,7 +474,7 @@ def report(*messages: str) -> Report:
     findings = tuple(
         Finding("N01", "missing-node", "error", "/Graph", message) for message in messages
     )
-    return Report((StageResult("a.usda", "02", "fail", Score(0, 0), findings),))
+    return Report((StageResult("a.usda", "02", findings),))
 
 
 @pytest.mark.parametrize(

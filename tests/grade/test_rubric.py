@@ -20,7 +20,8 @@ from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import SpecError
 from lab3_usd.grade.rubric import Rubric, everything_asked, load_rubric
 from lab3_usd.grade.scoring import Grade, ItemGrade, facts_of, grade, grade_facts
-from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, Score, StageResult
+from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult
+from lab3_usd.pipeline.results import unreadable
 
 ASKED = everything_asked(LAB)
 RUBRIC = load_rubric(MINI / "rubric.yaml", LAB)
@@ -30,10 +31,7 @@ SMALL = (MINI / "rubric.yaml").read_text(encoding="utf-8")
 def result(number: str, wrong: Sequence[str] = (), **changes: Any) -> StageResult:
     """A stage that meets everything but the requirements with these ids."""
     items = tuple(replace(each, met=each.id not in wrong) for each in ASKED[number])
-    met = sum(each.met for each in items)
-    verdict = "fail" if wrong else "pass"
-    score = Score(float(met), float(len(items)))
-    stage = StageResult(f"work/{number}.usda", number, verdict, score, requirements=items)
+    stage = StageResult(f"work/{number}.usda", number, requirements=items)
     return replace(stage, **changes)
 
 
@@ -251,7 +249,7 @@ def test_a_missing_file_loses_its_points_and_blocks_nothing() -> None:
 
 def test_an_unreadable_file_loses_its_points() -> None:
     stages = class_of()
-    stages[1] = result("01", verdict="unreadable", requirements=(), score=Score(0.0, 0.0))
+    stages[1] = unreadable("work/01.usda", "01", "no stage")
     graded = grade(RUBRIC, stages)
     assert item(graded, "clock").state == "unreadable"
     assert graded.earned == 90.0

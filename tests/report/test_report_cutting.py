@@ -20,7 +20,6 @@ from lab3_usd.model.finding import (
     NodeCoverage,
     NotJudged,
     Report,
-    Score,
     StageResult,
     Submission,
 )
@@ -56,8 +55,6 @@ def test_every_text_of_a_report_is_cut_but_the_names_of_files() -> None:
     result = StageResult(
         path,
         "05",
-        "fail",
-        Score(0, 0),
         (finding,),
         (),
         (Crash("X", HUGE),),
@@ -209,6 +206,6 @@ def test_what_lies_beside_the_stages_makes_no_report_large(
 
 
 def test_a_cut_text_is_still_json() -> None:
-    result = StageResult("a", "05", "fail", Score(0, 0), (replace(MISSING_WIRE, message=HUGE),))
+    result = StageResult("a", "05", (replace(MISSING_WIRE, message=HUGE),))
     (printable,) = json.loads(render("json", Report((result,))))["results"]
     assert printable["findings"][0]["message"] == truncated(HUGE)

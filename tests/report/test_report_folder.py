@@ -6,15 +6,14 @@ import json
 
 import pytest
 from msgspec.structs import replace
+from report_examples import UNREADABLE, requirement
 
 from lab3_usd.model.finding import (
     ChecklistItem,
     Finding,
     Report,
-    Score,
     StageResult,
     Submission,
-    Verdict,
 )
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
@@ -32,8 +31,9 @@ RADIUS = Finding(
 RESET = replace(RADIUS, rule="P09", name="stamp-reset", severity="note", message="stamps restart")
 
 
-def stage(checkpoint: str, *findings: Finding, verdict: Verdict = "fail") -> StageResult:
-    return StageResult(f"Lab3_{checkpoint}.usda", checkpoint, verdict, Score(1, 2), findings)
+def stage(checkpoint: str, *findings: Finding) -> StageResult:
+    asked = tuple(requirement("ROS_Drive", name, met=name == "a") for name in "ab")
+    return StageResult(f"Lab3_{checkpoint}.usda", checkpoint, findings, asked)
 
 
 def told(*results: StageResult, **options: object) -> str:
@@ -69,7 +69,7 @@ def test_the_order_of_the_command_line_does_not_decide_what_came_first() -> None
 
 
 def test_a_stage_that_cannot_be_read_has_repaired_nothing() -> None:
-    shown = told(stage("02", RADIUS), stage("03", verdict="unreadable"), stage("04"))
+    shown = told(stage("02", RADIUS), stage("03", UNREADABLE), stage("04"))
     assert "in 02, repaired in 04" in shown
 
 
@@ -128,7 +128,7 @@ def told_of_a_folder(*to_come: str, results: tuple[StageResult, ...], **options:
 
 TO_COME = tuple(load_lab().checkpoints)[3:]
 AHEAD = f"03 to {TO_COME[-1]}"
-BEGUN = (stage("00", verdict="pass"), stage("01", verdict="pass"), stage("02", verdict="pass"))
+BEGUN = (stage("00"), stage("01"), stage("02"))
 
 
 def test_what_is_not_begun_is_one_line_and_the_next_part_another() -> None:
@@ -151,7 +151,7 @@ def test_a_stage_that_was_skipped_is_named() -> None:
 
 
 def test_after_the_last_checkpoint_handing_in_comes_next() -> None:
-    results = tuple(stage(f"0{number}", verdict="pass") for number in range(9))
+    results = tuple(stage(f"0{number}") for number in range(9))
     assert "next lab3 check work --submission" in told_of_a_folder(results=results)
 
 

@@ -8,10 +8,21 @@ import sys
 import pytest
 from golden import assert_golden_text
 from html_pages import in_lines
-from report_examples import CRASHED, EMPTY, HOSTILE, REPORT, RULES, hostile
+from msgspec.structs import replace
+from report_examples import (
+    CRASHED,
+    EMPTY,
+    HOSTILE,
+    MISSING_FILE,
+    MISSING_WIRE,
+    OLD_NAME,
+    REPORT,
+    RULES,
+    hostile,
+)
 
 from lab3_usd.errors import UsageError
-from lab3_usd.model.finding import Report
+from lab3_usd.model.finding import Report, StageResult, Submission
 from lab3_usd.report.formats.registry import FORMATS, format_named, render
 from lab3_usd.report.options import Options, tool_version
 
@@ -72,3 +83,21 @@ def test_no_format_lets_control_characters_through(name: str, text: str) -> None
 @pytest.mark.parametrize("name", OURS)
 def test_a_crash_is_in_every_format(name: str) -> None:
     assert "T03" in render(name, hostile("x"))
+
+
+@pytest.mark.parametrize("name", [name for name in OURS if name != "gradescope"])
+def test_every_format_says_how_many_findings_a_baseline_hides(name: str) -> None:
+    known = StageResult("work/Lab3_02.usda", "02", hidden=(MISSING_WIRE, OLD_NAME))
+    report = Report((known,), (Submission("work", hidden=(MISSING_FILE,)),))
+    shown = render(name, report).replace("\\", "")
+    expected = HIDDEN.get(name, ("hides 1 error, 1 warning", "hides 1 error"))
+    assert [text for text in expected if text not in shown] == []
+    clean = render(name, Report((replace(known, hidden=()),), (Submission("work"),)))
+    assert [text for text in expected if text in clean] == []
+
+
+HIDDEN = {
+    "html": ("the baseline hides 2 errors, 1 warning", "Nothing new found"),
+    "json": ('"hidden": {\n        "error": 1,', '"hidden": {\n      "error": 2,'),
+    "jsonl": ('"hidden": {"error": 1, "warning": 1}', '"hidden": {"error": 1}'),
+}

@@ -10,7 +10,7 @@ from jsonschema import Draft202012Validator
 from report_examples import BROKEN, DRIVE, FAILED, HOSTILE, REPORT, hostile
 
 from lab3_usd.errors import UsageError
-from lab3_usd.model.finding import Report, Requirement, Score, StageResult
+from lab3_usd.model.finding import Report, Requirement, StageResult
 from lab3_usd.model.grade import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.formats.gradescope import VISIBILITIES
 from lab3_usd.report.formats.registry import render
@@ -133,5 +133,5 @@ def test_hostile_strings_are_rendered(text: str) -> None:
 
 def test_a_group_says_how_much_of_it_was_not_judged() -> None:
     unknown = Requirement("Scene/mass/base", "Scene", "scene", "mass", met=True, judged=False)
-    result = StageResult("a.usda", "05", "not judged", Score(1, 1, 1), requirements=(unknown,))
+    result = StageResult("a.usda", "05", requirements=(unknown,))
     assert outputs_of(Report((result,)))["Checkpoint 05: Scene"] == "1 of 1 not judged"

@@ -12,7 +12,7 @@ from msgspec.structs import replace
 from report_examples import CRASHED, EMPTY, FAILED, HOSTILE, REPORT, hostile
 from report_schema import assert_valid, problems_of, validator
 
-from lab3_usd.model.finding import Report, Requirement, Score, StageResult
+from lab3_usd.model.finding import Report, Requirement, StageResult
 from lab3_usd.report.formats.json_report import dump, error_report, report_json
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
@@ -39,12 +39,11 @@ def test_a_run_that_failed_is_a_report_too(kind: Any) -> None:
 def test_what_was_not_judged_is_counted_and_told_apart() -> None:
     unknown = Requirement("Scene/mass/base", "Scene", "scene", "mass", met=True, judged=False)
     known = replace(unknown, id="Scene/body/base", judged=True)
-    score = Score(2, 2, 1)
-    result = StageResult("a.usda", "05", "not judged", score, requirements=(unknown, known))
+    result = StageResult("a.usda", "05", requirements=(unknown, known))
     document = report_json(Report((result,)), requirements=True)
     assert_valid(document)
     (entry,) = document["results"]
-    assert entry["score"] == {"earned": 2.0, "possible": 2.0, "not_judged": 1.0}
+    assert entry["score"] == {"earned": 1.0, "possible": 2.0, "not_judged": 1.0}
     assert [item.get("judged") for item in entry["requirements"]] == [False, None]
 
 

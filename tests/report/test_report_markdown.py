@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from report_examples import HOSTILE, hostile
 
 from lab3_usd.model.changes import ClearValue, Repair
-from lab3_usd.model.finding import Finding, Report, Score, StageResult, Submission
+from lab3_usd.model.finding import Finding, Report, StageResult, Submission
 from lab3_usd.report.formats.markdown import HEADING, code, text
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.safe_text import visible
@@ -88,7 +88,7 @@ def test_a_backtick_at_either_end_is_apart_from_those_around(value: str) -> None
 
 
 def test_a_stage_of_no_lab_is_no_check_of_a_lab_and_has_no_handout() -> None:
-    result = StageResult("robot.usd", None, "fail", Score(0.0, 0.0), (FINDING,))
+    result = StageResult("robot.usd", None, (FINDING,))
     linted = render("markdown", Report((result,)), None)
     assert (linted.splitlines()[0], HEADING[-1] in linted) == ("# Isaac Sim lint", False)
     checked = render("markdown", Report((replace(result, checkpoint="02"),)), None)
@@ -104,7 +104,7 @@ def test_what_can_be_repaired_names_the_command(form: str) -> None:
         replace(hinted, rule="K02", fix=Repair("clear it", (edit,), safe=False)),
         replace(FINDING, rule="K03", hint="think."),
     )
-    result = StageResult("robot.usd", None, "fail", Score(0.0, 0.0), findings)
+    result = StageResult("robot.usd", None, findings)
     shown = render(form, Report((result,)), None).replace("\\", "").splitlines()
     repairs = [next(line for line in shown if rule in line) for rule in ("K01", "K02", "K03")]
     assert "clear it; or lab3 fix --lint" in repairs[0]

@@ -16,7 +16,6 @@ from lab3_usd.model.finding import (
     Problem,
     Report,
     Requirement,
-    Score,
     StageResult,
     Submission,
 )
@@ -81,6 +80,7 @@ UNREADABLE = Finding(
     prim="/",
     message="the file is no USD stage: it holds NUL bytes",
     layer="work/Lab3_06_LOCALIZATION.usd",
+    unopened="stage",
 )
 MISSING_FILE = Finding(
     rule="X01",
@@ -106,8 +106,6 @@ def requirement(group: str, name: str, *, met: bool = True) -> Requirement:
 FAILED = StageResult(
     path=LAYER,
     checkpoint="05",
-    verdict="fail",
-    score=Score(3, 4),
     findings=(MISSING_WIRE, OLD_NAME, UNRESOLVED),
     requirements=(
         requirement("ROS_Clock", "publish.execIn"),
@@ -116,16 +114,16 @@ FAILED = StageResult(
         requirement("ROS_Drive", "make_array.input1"),
     ),
 )
-PASSED = StageResult("work/Lab3_00_INITIAL.usda", "00", "pass", Score(12.0, 12.0))
-BROKEN = StageResult(
-    "work/Lab3_06_LOCALIZATION.usd", "06", "unreadable", Score(0, 40), (UNREADABLE,)
+PASSED = StageResult(
+    "work/Lab3_00_INITIAL.usda",
+    "00",
+    requirements=tuple(requirement("ROS_Clock", f"port{number}") for number in range(2)),
 )
+BROKEN = StageResult("work/Lab3_06_LOCALIZATION.usd", "06", (UNREADABLE,))
 GAP = "the sublayer ./edits.usda of the stage cannot be found"
 NOT_JUDGED = StageResult(
     "work/warehouse.usd",
     None,
-    "not judged",
-    Score(0.0, 0.0),
     not_judged=(NotJudged("K14", "/World/move", "inputs:targetPrim", "./robot.usd"),),
     coverage=NodeCoverage(
         nodes=9, waiting={"./robot.usd": 3}, unknown={"a.B": 1}, partly={"./robot.usd": 2}
@@ -135,8 +133,6 @@ NOT_JUDGED = StageResult(
 CRASHED = StageResult(
     "work/Lab3_01_CLOCK.usda",
     "01",
-    "pass",
-    Score(4, 4),
     crashes=(Crash("T03", "KeyError: 'odom'"),),
 )
 SUBMISSION = Submission(
@@ -190,7 +186,7 @@ def hostile(text: str) -> Report:
     )
     missed = Requirement("g/wire/x", "World", "wire", f"title {text}", met=False)
     crash = Crash("T03", f"KeyError: {text}")
-    result = StageResult(f"{text}.usda", "05", "fail", Score(0, 1), (finding,), (missed,), (crash,))
+    result = StageResult(f"{text}.usda", "05", (finding,), (missed,), (crash,))
     item = ChecklistItem("7", f"item {text}", "not met", text)
     return Report((result,), (Submission(f"dir{text}", (finding,), (item,), (crash,)),))
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from collections import Counter
 from functools import cache
 from typing import Any
 
@@ -19,6 +20,7 @@ RESULT_ORDER = [
     "findings",
     "requirements",
     "gaps",
+    "hidden",
     "nodes",
     "not_judged",
     "crashes",
@@ -57,11 +59,13 @@ def assert_valid(report_json: str | bytes | dict[str, Any]) -> dict[str, Any]:
     assert list(report) == [key for key in ORDER if key in report]
     for result in report["results"]:
         assert list(result) == [key for key in RESULT_ORDER if key in result]
-        assert result["score"]["earned"] <= result["score"]["possible"]
+        score = result["score"]
+        assert score["earned"] + score.get("not_judged", 0) <= score["possible"]
     parts = [*report["results"], *report.get("submissions", [])]
     findings = [finding for part in parts for finding in part["findings"]]
     assert all(finding["line"] or not finding["column"] for finding in findings)
-    assert report["summary"] == {
+    hidden: Counter[str] = sum((Counter(part.get("hidden", {})) for part in parts), Counter())
+    assert report["summary"] == ({"hidden": hidden} if hidden else {}) | {
         "files": len(report["results"]),
         "passed": sum(result["verdict"] == "pass" for result in report["results"]),
         "not_judged": sum(result["verdict"] == "not judged" for result in report["results"]),

@@ -20,7 +20,7 @@ from lab3_usd.errors import StageError, unwritten
 from lab3_usd.files import FileState, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Repair, Restore, touched
-from lab3_usd.model.finding import Finding, Score, Site, StageResult, ordered, site_of
+from lab3_usd.model.finding import Finding, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.pipeline.lint import lint_platform
 from lab3_usd.pipeline.results import without_noted
@@ -131,7 +131,7 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
         findings = _findings_of(file, judge(lab, spec, read_model(stage, lab.platform, str(file))))
         if starter is None:
             return findings
-        result = StageResult(str(file), spec.id, "fail", Score(0.0, 0.0), findings)
+        result = StageResult(str(file), spec.id, tuple(findings))
         return open_against_starter(result, stage, starter, lab).findings
 
     return _fixed(path, judge_stage, lab, spec, options)

@@ -151,8 +151,8 @@ def _by_checkpoint(results: Iterable[StageResult]) -> dict[str, StageResult]:
     """Keep one result of each checkpoint: of several files the one that meets the least."""
 
     def order(result: StageResult) -> tuple[bool, float, str]:
-        possible = result.score.possible
-        share = result.score.earned / possible if possible else 0.0
+        score = result.score
+        share = (score.earned + score.not_judged) / score.possible if score.possible else 0.0
         is_judged = result.verdict != "unreadable" and not result.crashes
         return (is_judged, share, result.path)
 

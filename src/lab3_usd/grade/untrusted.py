@@ -26,10 +26,12 @@ class _Sent(Finding, frozen=True):
 
 class _SentResult(StageResult, frozen=True):
     findings: tuple[_Sent, ...] = ()
+    hidden: tuple[_Sent, ...] = ()
 
 
 class _SentSubmission(Submission, frozen=True):
     findings: tuple[_Sent, ...] = ()
+    hidden: tuple[_Sent, ...] = ()
 
 
 class _SentReport(Report, frozen=True):

@@ -163,19 +163,11 @@ def site_of(finding: Finding) -> Site:
 
 
 class Score(Struct, frozen=True):
-    """Requirements met and asked, over one group or one file.
-
-    `not_judged` of those that nothing fails could not be judged: they earn, and are not met.
-    """
+    """Requirements that are known to be met, asked, and not judged, of a stage."""
 
     earned: float
     possible: float
     not_judged: float = 0.0
-
-    @property
-    def met(self) -> float:
-        """How many requirements are known to be met."""
-        return self.earned - self.not_judged
 
 
 REQUIREMENT_KINDS = ("node", "setting", "wire", "target", "variable", "scene", "frame")
@@ -249,18 +241,34 @@ class StageResult(Struct, frozen=True):
     """The judgement of one file at one checkpoint; without a spec there is none.
 
     `gaps` say what matters and could not be judged: with one, a stage without errors is no pass.
+    `hidden` are findings that a baseline knows: no report lists them, and each says how many.
     """
 
     path: str
     checkpoint: str | None
-    verdict: Verdict
-    score: Score
     findings: tuple[Finding, ...] = ()
     requirements: tuple[Requirement, ...] = ()
     crashes: tuple[Crash, ...] = ()
     not_judged: tuple[NotJudged, ...] = ()
     coverage: NodeCoverage | None = None
     gaps: tuple[str, ...] = ()
+    hidden: tuple[Finding, ...] = ()
+
+    @property
+    def verdict(self) -> Verdict:
+        """What is said of the stage in a word; hidden findings do not fail it."""
+        if any(finding.unopened == "stage" for finding in (*self.findings, *self.hidden)):
+            return "unreadable"
+        if self.crashes or any(finding.severity == "error" for finding in self.findings):
+            return "fail"
+        return "not judged" if self.gaps else "pass"
+
+    @property
+    def score(self) -> Score:
+        """The requirements, counted."""
+        judged = [requirement.met for requirement in self.requirements if requirement.judged]
+        asked = len(self.requirements)
+        return Score(float(sum(judged)), float(asked), float(asked - len(judged)))
 
     @property
     def is_beside_the_point(self) -> bool:
@@ -294,7 +302,7 @@ class Submission(Struct, frozen=True):
     """The findings about a student's folder as a whole, beside its stages.
 
     `to_come` are the checkpoints without a stage, in a folder that is worked on (`handed_in` is
-    False) and not handed in.
+    False) and not handed in. `hidden` are findings that a baseline knows.
     """
 
     path: str
@@ -303,6 +311,7 @@ class Submission(Struct, frozen=True):
     crashes: tuple[Crash, ...] = field(default=())
     handed_in: bool = True
     to_come: tuple[str, ...] = ()
+    hidden: tuple[Finding, ...] = ()
 
 
 def section_key(name: str | None) -> SectionKey:

@@ -19,7 +19,7 @@ from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError, descri
 from lab3_usd.files import is_script_file
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.model.finding import NodeCoverage, Score, StageResult, ordered
+from lab3_usd.model.finding import NodeCoverage, StageResult, ordered
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.pipeline.results import (
     FAILED,
@@ -29,7 +29,6 @@ from lab3_usd.pipeline.results import (
     is_stage_file,
     located,
     unreadable,
-    verdict_of,
 )
 from lab3_usd.spec.load.loader import load_platform
 
@@ -136,8 +135,6 @@ def _linted(path: str | Path, release: str) -> StageResult:
     return StageResult(
         path=str(path),
         checkpoint=None,
-        verdict=verdict_of(findings, results.crashes, results.gaps),
-        score=Score(0.0, 0.0),
         findings=findings,
         crashes=results.crashes,
         not_judged=results.not_judged,
@@ -206,9 +203,9 @@ def read_ros(path: Path, scene: str = "") -> RosStage:
 def find_stages(path: str, config: Config, *, alone: bool = True) -> Iterator[Target]:
     """Yield what a path names: a stage or script, or those in a folder and below it.
 
-    Folders whose names begin with a dot are left out, and links to folders are not followed. Of
-    scripts in a folder, and of those that are not named `alone`, only those that may build graphs
-    count.
+    Folders whose names begin with a dot are left out, and links to folders are not followed. A
+    folder that may not be opened is a target that cannot be read. Of scripts in a folder, and of
+    those that are not named `alone`, only those that may build graphs count.
 
     Raises:
         UsageError: the folder holds neither a stage nor a script.
@@ -219,7 +216,11 @@ def find_stages(path: str, config: Config, *, alone: bool = True) -> Iterator[Ta
         return
     files: list[Path] = []
     scripts: list[Path] = []
-    for folder, folders, names in os.walk(path):
+
+    def add_closed(error: OSError) -> None:
+        files.append(Path(error.filename))
+
+    for folder, folders, names in os.walk(path, onerror=add_closed):
         folders[:] = [name for name in folders if not name.startswith(".")]
         for name in names:
             kind = files if is_stage_file(name) else scripts if is_script_file(name) else None

@@ -16,11 +16,8 @@ from lab3_usd.model.finding import (
     Crash,
     Finding,
     IgnoreNote,
-    Requirement,
-    Score,
     StageResult,
     Submission,
-    Verdict,
     ordered,
 )
 
@@ -147,7 +144,7 @@ def unreadable(path: str, checkpoint: str | None, reason: StageError | str) -> S
         hint=hint,
         unopened="stage",
     )
-    return StageResult(path, checkpoint, "unreadable", Score(0.0, 0.0), (finding,))
+    return StageResult(path, checkpoint, (finding,))
 
 
 ENDED, FAILED = "the process that read it ended", "this program failed"
@@ -166,35 +163,9 @@ def crashed(path: str, checkpoint: str | None, how: str, what: str = ENDED) -> S
     return replace(result, crashes=(Crash(UNREADABLE, reason),))
 
 
-def verdict_of(
-    findings: Iterable[Finding], crashes: Collection[Crash], gaps: Collection[str] = ()
-) -> Verdict:
-    """Return the verdict on a stage that could be read; `gaps` are what could not be judged."""
-    if crashes or any(finding.severity == "error" for finding in findings):
-        return "fail"
-    return "not judged" if gaps else "pass"
-
-
-def with_crashes(result: StageResult, crashes: tuple[Crash, ...]) -> StageResult:
-    """Return a result with other crashes, and the verdict that they give."""
-    return with_findings(replace(result, crashes=crashes), result.findings)
-
-
-def score_of(requirements: Collection[Requirement]) -> Score:
-    """Count the requirements met and asked."""
-    return Score(
-        float(sum([requirement.met for requirement in requirements])),
-        float(len(requirements)),
-        float(sum([not requirement.judged for requirement in requirements])),
-    )
-
-
 def with_findings(result: StageResult, findings: Iterable[Finding]) -> StageResult:
-    """Return a result with other findings, in order, and the verdict that they give."""
-    new = ordered(findings)
-    unread = result.verdict == "unreadable"
-    verdict = "unreadable" if unread else verdict_of(new, result.crashes, result.gaps)
-    return replace(result, findings=new, verdict=verdict)
+    """Return a result with other findings, in order."""
+    return replace(result, findings=ordered(findings))
 
 
 def located(findings: Collection[Finding], path: Path | str, stage: Any) -> Iterator[Finding]:

@@ -25,12 +25,11 @@ from lab3_usd.model.finding import (
     Finding,
     IgnoreNote,
     NodeCoverage,
-    Score,
     StageResult,
     is_among,
     ordered,
 )
-from lab3_usd.pipeline.results import unreadable, unused_note, verdict_of
+from lab3_usd.pipeline.results import unreadable, unused_note
 
 if TYPE_CHECKING:
     from lab3_usd.model.stage import StageModel
@@ -64,9 +63,7 @@ def lint_script(path: str | Path, settings: ScriptSettings) -> StageResult:
     if script is None:
         parts = BuiltParts()
         coverage = NodeCoverage(built=parts)
-        return StageResult(
-            str(path), None, "not judged", Score(0.0, 0.0), coverage=coverage, gaps=(NO_GRAPH,)
-        )
+        return StageResult(str(path), None, coverage=coverage, gaps=(NO_GRAPH,))
     return _judged(str(path), script, settings)
 
 
@@ -129,8 +126,6 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
     return StageResult(
         path=path,
         checkpoint=None,
-        verdict=verdict_of(findings, crashes, gaps),
-        score=Score(0.0, 0.0),
         findings=tuple(findings),
         crashes=crashes,
         not_judged=tuple(dict.fromkeys(results.not_judged)),

@@ -9,7 +9,7 @@ from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import program
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.finding import StageResult, ordered
-from lab3_usd.pipeline.results import located, score_of, unreadable, verdict_of
+from lab3_usd.pipeline.results import located, unreadable
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -74,8 +74,6 @@ def _checked(path: str | Path, number: str, lab: Lab) -> StageResult:
     return StageResult(
         path=str(path),
         checkpoint=number,
-        verdict=verdict_of(findings, judged.crashes, judged.gaps),
-        score=score_of(judged.requirements),
         findings=findings,
         requirements=judged.requirements,
         crashes=judged.crashes,

@@ -22,7 +22,7 @@ from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Site, repair_by
 from lab3_usd.model.finding import Finding, StageResult, ordered
-from lab3_usd.pipeline.results import located, score_of, unreadable
+from lab3_usd.pipeline.results import located, unreadable
 from lab3_usd.spec.lab import Lab
 
 _FAMILY = "U"
@@ -109,18 +109,13 @@ def open_against_starter(
         replace(requirement, met=True) if requirement.id in excused_ids else requirement
         for requirement in result.requirements
     )
-    findings = ordered((*kept, *judged.findings))
     requirements = tuple(with_named_faults(requirements, judged.findings))
     requirements = with_other_faults(requirements, judged.findings, {})
-    crashes = (*result.crashes, *judged.crashes)
-    is_bad = crashes or any(finding.severity == "error" for finding in findings)
     return replace(
         result,
-        verdict="fail" if is_bad else "pass",
-        score=score_of(requirements),
-        findings=findings,
+        findings=ordered((*kept, *judged.findings)),
         requirements=requirements,
-        crashes=crashes,
+        crashes=(*result.crashes, *judged.crashes),
     )
 
 

@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import chain
 from pathlib import Path
 from zlib import crc32
 
@@ -73,7 +74,10 @@ class ReportedFinding(Struct, frozen=True):
 
 
 class Summary(Struct, frozen=True):
-    """How many files were checked, passed and were not judged, and how many findings there are."""
+    """How many files were checked, passed and were not judged, and how many findings there are.
+
+    `hidden` counts those that a baseline hides, by severity.
+    """
 
     files: int
     passed: int
@@ -81,6 +85,7 @@ class Summary(Struct, frozen=True):
     errors: int
     warnings: int
     notes: int
+    hidden: dict[Severity, int] = {}
 
 
 def entries(report: Report) -> Iterator[ReportedFinding]:
@@ -110,18 +115,41 @@ def gaps(report: Report) -> Iterator[tuple[str, str]]:
             yield result.path, gap
 
 
+def hidden(report: Report) -> Iterator[tuple[str, str]]:
+    """Yield how many findings a baseline hides, with the path of the stage or submission."""
+    for path, findings in hidden_findings(report):
+        yield path, hidden_text(severity_counts(findings))
+
+
+def hidden_findings(report: Report) -> Iterator[tuple[str, tuple[Finding, ...]]]:
+    """Yield the findings that a baseline hides of each stage and submission, where there are."""
+    yield from ((result.path, result.hidden) for result in report.results if result.hidden)
+    yield from ((folder.path, folder.hidden) for folder in report.submissions if folder.hidden)
+
+
+def severity_counts(findings: Iterable[Finding]) -> dict[Severity, int]:
+    """Count findings by severity, the gravest first; none is left out."""
+    severities = [finding.severity for finding in findings]
+    return {name: severities.count(name) for name in SEVERITIES if name in severities}
+
+
+def hidden_text(counts: Mapping[Severity, int]) -> str:
+    """Say what a baseline hides: `the baseline hides 2 errors, 1 note`; '' for nothing."""
+    listed = ", ".join(plural(count, severity) for severity, count in counts.items())
+    return f"the baseline hides {listed}" if listed else ""
+
+
 def summarize(report: Report) -> Summary:
     """Count files, passes and findings."""
-    counts = dict.fromkeys(SEVERITIES, 0)
-    for entry in entries(report):
-        counts[entry.finding.severity] += 1
+    counts = severity_counts(entry.finding for entry in entries(report))
     return Summary(
         files=len(report.results),
         passed=sum(result.verdict == "pass" for result in report.results),
         not_judged=sum(result.verdict == "not judged" for result in report.results),
-        errors=counts["error"],
-        warnings=counts["warning"],
-        notes=counts["note"],
+        errors=counts.get("error", 0),
+        warnings=counts.get("warning", 0),
+        notes=counts.get("note", 0),
+        hidden=severity_counts(chain.from_iterable(found for _, found in hidden_findings(report))),
     )
 
 
@@ -219,12 +247,12 @@ def summary_line(summary: Summary) -> str:
     ]
     files = f"{plural(summary.files, 'file')}: {summary.passed} passed, {failed} failed"
     files += f", {summary.not_judged} not judged" if summary.not_judged else ""
-    return f"{files}; {', '.join(counts)}"
+    return "; ".join(filter(None, (files, ", ".join(counts), hidden_text(summary.hidden))))
 
 
 def score_text(score: Score) -> str:
     """Return how many requirements are met: `202 of 215 met`, and how many were not judged."""
-    text = f"{score.met:g} of {score.possible:g} met"
+    text = f"{score.earned:g} of {score.possible:g} met"
     return f"{text}, {score.not_judged:g} not judged" if score.not_judged else text
 
 

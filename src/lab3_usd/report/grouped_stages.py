@@ -24,6 +24,7 @@ from lab3_usd.model.finding import (
     Verdict,
     section_key,
 )
+from lab3_usd.report.entries import hidden_text, severity_counts
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
@@ -113,6 +114,13 @@ class Block(Struct, frozen=True):
         return sum(finding.severity == severity for finding in own) + sum(
             stage.count(severity) for stage in self.stages
         )
+
+    @property
+    def hidden(self) -> str:
+        """What the baseline hides, in words; '' for nothing."""
+        findings = [finding for stage in self.stages for finding in stage.result.hidden]
+        findings += () if self.submission is None else self.submission.hidden
+        return hidden_text(severity_counts(findings))
 
     @property
     def verdict(self) -> Verdict:
@@ -210,7 +218,7 @@ def _stages(
 
 def _part(name: str, group: Sequence[Requirement]) -> Part:
     not_judged = sum(not requirement.judged for requirement in group)
-    met = sum(requirement.met for requirement in group) - not_judged
+    met = sum(requirement.met for requirement in group if requirement.judged)
     return Part(name, met, len(group), not_judged)
 
 

@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -16,12 +16,12 @@ from lab3_usd.config.settings import chosen
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
-from lab3_usd.model.finding import Finding, Report
-from lab3_usd.pipeline.results import with_findings
+from lab3_usd.model.finding import Finding, Report, StageResult, Submission
 from lab3_usd.report.entries import fingerprinted, site
 from lab3_usd.report.options import NAME, tool_version
 
 VERSION = 1
+_Result = TypeVar("_Result", StageResult, Submission)
 
 
 class KnownFinding(Struct, frozen=True):
@@ -110,8 +110,10 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
         )
     }
 
-    def new(findings: tuple[Finding, ...]) -> tuple[Finding, ...]:
-        return tuple(finding for finding in findings if id(finding) in kept)
+    def without(result: _Result) -> _Result:
+        new = tuple(finding for finding in result.findings if id(finding) in kept)
+        hidden = tuple(finding for finding in result.findings if id(finding) not in kept)
+        return replace(result, findings=new, hidden=hidden)
 
     paths = [result.path for result in report.results]
     paths += [submission.path for submission in report.submissions]
@@ -124,10 +126,8 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
         and not _is_among(known_finding, group, present.get(key, []))
         and chosen(known_finding.rule, options["select"], options["ignore"])
     )
-    results = tuple(with_findings(result, new(result.findings)) for result in report.results)
-    submissions = tuple(
-        replace(submission, findings=new(submission.findings)) for submission in report.submissions
-    )
+    results = tuple(without(result) for result in report.results)
+    submissions = tuple(without(submission) for submission in report.submissions)
     accepted = tuple(
         name for name, gaps in _gaps(report, path) if set(gaps) <= set(baseline.not_judged)
     )

@@ -34,7 +34,7 @@ from lab3_usd.grade.workers.messages import (
 )
 from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
 from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder
-from lab3_usd.pipeline.results import UNREADABLE, with_crashes, with_findings
+from lab3_usd.pipeline.results import UNREADABLE, with_findings
 from lab3_usd.pipeline.starter_comparison import Starter
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -318,7 +318,7 @@ def _with_own_failures(judged: FolderResult, broken: Mapping[str, str]) -> Folde
 def _with_crashes(judged: FolderResult, failures: Mapping[str, str]) -> FolderResult:
     """Add to the results of stages how this program failed over them, by their paths."""
     results = tuple(
-        with_crashes(result, (*result.crashes, Crash(UNREADABLE, failures[result.path])))
+        replace(result, crashes=(*result.crashes, Crash(UNREADABLE, failures[result.path])))
         if result.path in failures
         else result
         for result in judged.results

@@ -6,7 +6,7 @@ import csv
 import io
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.entries import crashes, entries, gaps
+from lab3_usd.report.entries import crashes, entries, gaps, hidden
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import safe_cell
 
@@ -41,6 +41,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             row[column] = "" if value is None else str(value)
         rows.append(row | {"related": " ".join(entry.finding.related)})
     rows += [{"path": path, "severity": "not judged", "message": gap} for path, gap in gaps(report)]
+    rows += [{"path": path, "severity": "hidden", "message": text} for path, text in hidden(report)]
     rows += [
         {"path": path, "rule": crash.rule, "severity": "crash", "message": crash.error}
         for path, crash in crashes(report)

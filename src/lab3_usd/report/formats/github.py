@@ -7,6 +7,7 @@ from lab3_usd.report.entries import (
     crashes,
     entries,
     gaps,
+    hidden,
     how_to_repair,
     is_lint,
     relative_path,
@@ -39,6 +40,9 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     for path, gap in gaps(report):
         properties = {"file": relative_path(path, options.root), "title": "not judged"}
         lines.append(_command("warning", properties, visible(gap)))
+    for path, text in hidden(report):
+        properties = {"file": relative_path(path, options.root), "title": "baseline"}
+        lines.append(_command("notice", properties, visible(text)))
     for path, crash in crashes(report):
         file = relative_path(path, options.root)
         properties = {"file": file, "title": f"{crash.rule} crashed"}

@@ -8,6 +8,7 @@ from lab3_usd.report.entries import (
     fingerprint,
     fingerprinted,
     gaps,
+    hidden,
     relative_path,
     site,
 )
@@ -35,14 +36,16 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
                 "location": {"path": file, "lines": {"begin": finding.line or 1}},
             }
         )
-    for path, gap in gaps(report):
+    others = [(path, "not judged", f"not judged: {gap}", "minor") for path, gap in gaps(report)]
+    others += [(path, "baseline", text, "info") for path, text in hidden(report)]
+    for path, name, text, severity in others:
         file = relative_path(path, options.root)
         issues.append(
             {
-                "description": visible(f"not judged: {gap}"),
-                "check_name": "not judged",
-                "fingerprint": fingerprint(file, "not judged", gap),
-                "severity": "minor",
+                "description": visible(text),
+                "check_name": name,
+                "fingerprint": fingerprint(file, name, text.removeprefix("not judged: ")),
+                "severity": severity,
                 "location": {"path": file, "lines": {"begin": 1}},
             }
         )

@@ -15,7 +15,7 @@ from lab3_usd.model.finding import (
     Requirement,
     Score,
 )
-from lab3_usd.report.entries import Summary, fault_id, summarize
+from lab3_usd.report.entries import Summary, fault_id, severity_counts, summarize
 from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import truncated_values
@@ -55,6 +55,7 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
             entry["requirements"] = [*map(_requirement_json, result.requirements)]
         if result.gaps:
             entry["gaps"] = list(result.gaps)
+        _add_hidden(entry, result.hidden)
         if result.coverage is not None:
             entry["nodes"] = _nodes_json(result.coverage)
         if result.not_judged:
@@ -71,15 +72,28 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
         }
         if not submission.handed_in:
             entry["to_come"] = list(submission.to_come)
+        _add_hidden(entry, submission.hidden)
         _add_crashes(entry, submission.crashes)
         document["submissions"].append(entry)
-    document["summary"] = asdict(summarize(report))
+    document["summary"] = _summary_json(summarize(report))
     return document
 
 
+def _summary_json(summary: Summary) -> Json:
+    document = asdict(summary)
+    if not summary.hidden:
+        del document["hidden"]
+    return document
+
+
+def _add_hidden(document: Json, hidden: tuple[Finding, ...]) -> None:
+    if hidden:
+        document["hidden"] = severity_counts(hidden)
+
+
 def _score_json(score: Score) -> Json:
-    document = {"earned": float(score.earned), "possible": float(score.possible)}
-    return document | ({"not_judged": float(score.not_judged)} if score.not_judged else {})
+    document = {"earned": score.earned, "possible": score.possible}
+    return document | ({"not_judged": score.not_judged} if score.not_judged else {})
 
 
 def _requirement_json(requirement: Requirement) -> Json:
@@ -109,7 +123,7 @@ def error_report(message: str, kind: Literal["usage", "crash"]) -> Json:
     """Return the report of a failed run: wrong usage, or a crash of the program."""
     document = _head()
     document["results"] = []
-    document["summary"] = asdict(Summary(0, 0, 0, 0, 0, 0))
+    document["summary"] = _summary_json(Summary(0, 0, 0, 0, 0, 0))
     document["error"] = {"kind": kind, "message": message}
     return document
 

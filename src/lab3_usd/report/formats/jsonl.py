@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.entries import crashes, entries, gaps
+from lab3_usd.report.entries import crashes, entries, gaps, hidden_findings, severity_counts
 from lab3_usd.report.formats.json_report import finding_json
 from lab3_usd.report.options import Options, Rules
 
@@ -13,7 +13,8 @@ from lab3_usd.report.options import Options, Rules
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return a line for each finding, then one for each gap and for each rule that failed.
 
-    They have the keys `not_judged` and `crash`.
+    They have the keys `not_judged` and `crash`. One with the key `hidden` counts what the baseline
+    hides of a file, by severity.
     """
     del rules, options
     rows: list[dict[str, object]] = [
@@ -23,5 +24,9 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     rows += [{"path": path, "not_judged": gap} for path, gap in gaps(report)]
     rows += [
         {"path": path, "rule": crash.rule, "crash": crash.error} for path, crash in crashes(report)
+    ]
+    rows += [
+        {"path": path, "hidden": severity_counts(findings)}
+        for path, findings in hidden_findings(report)
     ]
     return "".join(json.dumps(row) + "\n" for row in rows)

@@ -7,7 +7,7 @@ from collections.abc import Iterable
 from xml.etree import ElementTree as ET
 
 from lab3_usd.model.finding import Finding, Report, Requirement, StageResult, Submission
-from lab3_usd.report.entries import site
+from lab3_usd.report.entries import hidden_text, severity_counts, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
@@ -48,6 +48,9 @@ def _suite(
     if gaps:
         case = _case(suite, f"{classname}.rules", "not judged")
         ET.SubElement(case, "skipped", {"message": visible("; ".join(gaps))})
+    if result.hidden:
+        case = _case(suite, f"{classname}.rules", "baseline")
+        ET.SubElement(case, "system-out").text = hidden_text(severity_counts(result.hidden))
     for crash in result.crashes:
         case = _case(suite, f"{classname}.rules", f"{crash.rule} crashed")
         _outcome(case, "error", crash.rule, crash.error, [])

@@ -5,11 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable
 
-from lab3_usd.model.finding import Crash, Finding, Report
+from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.entries import (
+    hidden_text,
     how_to_repair,
     is_lint,
     score_text,
+    severity_counts,
     site,
     summarize,
     summary_line,
@@ -39,12 +41,14 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             else verdict
         )
         blocks += [f"Not judged: {text(gap)}" for gap in result.gaps]
+        blocks += _hidden(result)
         if result.findings:
             blocks.append(findings_table(result.findings, lint=not is_of_lab))
         blocks += _crashes(result.crashes)
     for submission in report.submissions:
-        if submission.handed_in or submission.findings:
+        if submission.handed_in or submission.findings or submission.hidden:
             blocks.append(f"## {code(submission.path)}")
+        blocks += _hidden(submission)
         if submission.to_come:
             blocks.append(text(to_come_text(submission.to_come, tuple(load_lab().checkpoints))))
         if submission.findings:
@@ -96,6 +100,11 @@ def findings_table(findings: Iterable[Finding], *, lint: bool = False) -> str:
     if lint:
         return table(HEADING[:-1], (row[:-1] for row in rows))
     return table(HEADING, rows)
+
+
+def _hidden(result: StageResult | Submission) -> list[str]:
+    said = hidden_text(severity_counts(result.hidden))
+    return [text(said[:1].upper() + said[1:])] if said else []
 
 
 def _crashes(crashes: Iterable[Crash]) -> list[str]:

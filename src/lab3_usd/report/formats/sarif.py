@@ -15,6 +15,7 @@ from lab3_usd.report.entries import (
     entries,
     fingerprinted,
     gaps,
+    hidden,
     relative_path,
     site,
 )
@@ -55,6 +56,14 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
         }
         for path, gap in gaps(report)
+    ]
+    notifications += [
+        {
+            "level": "note",
+            "message": message(text),
+            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
+        }
+        for path, text in hidden(report)
     ]
     if notifications:
         invocation["toolExecutionNotifications"] = notifications

@@ -8,14 +8,16 @@ from pathlib import Path
 from msgspec.structs import replace
 
 from lab3_usd.data import program
-from lab3_usd.model.finding import SEVERITIES, Crash, Finding, Report, StageResult, Submission
+from lab3_usd.model.finding import Crash, Report, StageResult, Submission
 from lab3_usd.report.entries import (
     coverage_line,
     entries,
+    hidden_text,
     is_lint,
     is_repairable,
     plural,
     score_text,
+    severity_counts,
     statistics_table,
     summarize,
     summary_line,
@@ -164,9 +166,9 @@ def _submission_heading(submission: Submission, page: Page) -> Iterator[str]:
     heading = paint(visible(submission.path), "heading", color=page.color)
     if submission.to_come:
         yield to_come_text(submission.to_come, tuple(load_lab().checkpoints))
-    if submission.handed_in or submission.findings:
+    if submission.handed_in or submission.findings or submission.hidden:
         what = "submission" if submission.handed_in else "folder"
-        yield f"{heading}: {what}{_counts(submission.findings)}"
+        yield f"{heading}: {what}{_counts(submission)}"
     yield from _crash_lines(submission.crashes, page)
 
 
@@ -191,16 +193,15 @@ def _stage_heading(result: StageResult, page: Page) -> str:
     heading = f"{path}: {checkpoint}{verdict}"
     if result.score.possible:
         heading = f"{heading}, {score_text(result.score)}"
-    return heading + _counts(result.findings)
+    return heading + _counts(result)
 
 
-def _counts(findings: Sequence[Finding]) -> str:
-    severities = [finding.severity for finding in findings]
-    return "".join(
-        f", {plural(severities.count(severity), severity)}"
-        for severity in SEVERITIES
-        if severity in severities
-    )
+def _counts(result: StageResult | Submission) -> str:
+    """Return how many findings there are, and how many more the baseline hides."""
+    counts = severity_counts(result.findings)
+    listed = "".join(f", {plural(count, severity)}" for severity, count in counts.items())
+    hidden = hidden_text(severity_counts(result.hidden))
+    return f"{listed}; {hidden}" if hidden else listed
 
 
 def _unknown_lines(result: StageResult, page: Page) -> Iterator[str]:

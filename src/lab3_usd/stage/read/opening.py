@@ -5,6 +5,7 @@ from __future__ import annotations
 import codecs
 import os
 import re
+import stat
 from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
@@ -196,13 +197,8 @@ def check_file(path: Path) -> None:
         raise StageError(f"{shown}: the name of the file or of a folder is not UTF-8; rename it")
     if _ARGUMENTS in shown:
         raise StageError(f"{shown}: USD reads '{_ARGUMENTS}' in a name as options; rename the file")
-    if not path.exists():
-        from lab3_usd.files import absence
-
-        raise StageError(absence(path))
-    if not path.is_file():
-        raise StageError(f"{path}: is not a file")
     try:
+        _check_kind(path)
         with path.open("rb") as file:
             start = file.read(8)
             if path.suffix.lower() not in ENDINGS:
@@ -214,10 +210,32 @@ def check_file(path: Path) -> None:
                 _check_text(path, start + file.read())
             else:
                 _check_tables(path, file, start)
+    except PermissionError as error:
+        repair = "change the permissions, or check it as somebody who may read it"
+        raise StageError(f"{path}: cannot be read ({error.strerror})", repair=repair) from error
     except OSError as error:
         raise StageError(f"{path}: cannot be read ({error.strerror})") from error
     if not start:
         raise StageError(f"{path}: is empty: {PLACEHOLDER}")
+
+
+def _check_kind(path: Path) -> None:
+    """Refuse what is no file.
+
+    Raises:
+        OSError: it, or a folder in its place, may not be opened.
+        StageError: there is nothing, or something else.
+    """
+    try:
+        kind = path.stat().st_mode
+    except (FileNotFoundError, NotADirectoryError, ValueError) as error:
+        from lab3_usd.files import absence
+
+        raise StageError(absence(path)) from error
+    if stat.S_ISDIR(kind):
+        os.scandir(path).close()
+    if not stat.S_ISREG(kind):
+        raise StageError(f"{path}: is not a file")
 
 
 def check_layers_below(path: Path) -> None:
