@@ -23,7 +23,7 @@ REFUSED = {
     "grade -o book --explain jane --scale": "--scale is for --gradebook",
     "grade -o book --explain jane --map STAGE": "--map is for --gradebook",
     "grade --regrade book --gradebook canvas --roster STAGE --dry-run": "--dry-run writes nothing",
-    "fix EMPTY": "holds no stage, nor does a folder in it",
+    "fix EMPTY": "holds no stage and no script, nor does a folder in it",
     "fix .": "--lint repairs stages of any name",
     "fix STAGE --diff --in-place": "exclude each other",
     "fix STAGE --isaac 5.0": "--isaac goes with --lint",
