@@ -92,7 +92,6 @@ UNPLAYED: dict[str, tuple[Change, str, str]] = {
         TYRE,
         "its scale",
     ),
-    "tipping": value(BASE, CENTRE, "Point3f", Gf.Vec3f(0.5, 0, 0)),
 }
 
 

@@ -152,6 +152,10 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         ),
         "follows",
     ),
+    "tips-over": (
+        put(f"{ROBOT}/base_link", "physics:centerOfMass", Gf.Vec3f(0.5, 0, 0)),
+        "follows",
+    ),
     "locked-joint": (
         weld(f"{JOINTS}/lock", body0=f"{ROBOT}/base_link", body1=f"{ROBOT}/wheel_left_link"),
         "follows",

@@ -60,6 +60,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "no-gravity": ("S15", ""),
     "no-ground": ("S13", ""),
     "no-wheel-contact": ("S19", ""),
+    "tips-over": ("S19", ""),
     "locked-joint": ("S23", "K82"),
     "no-velocity-drive": ("S10", "K62"),
     "weak-drive": ("S10", ""),

@@ -20,7 +20,7 @@ FaultKind = Literal[
     # the robot
     "no-driven-robot", "kinematic-link", "base-fixed-to-world", "no-gravity", "no-ground",
     "no-wheel-contact", "no-grip", "locked-joint", "no-velocity-drive", "weak-drive",
-    "limited-joint",
+    "limited-joint", "tips-over",
     # motion
     "moves-uncommanded", "moves-sideways", "does-not-stop", "does-not-move", "wall-ahead",
     "wrong-distance", "wrong-turn", "wrong-arc", "sideways-drift", "turn-off-centre",

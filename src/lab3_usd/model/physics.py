@@ -25,6 +25,7 @@ SCENE = "PhysicsScene"
 GRAVITY, GRAVITY_DIRECTION = "physics:gravityMagnitude", "physics:gravityDirection"
 DOWN = (0.0, 0.0, -1.0)
 TILT = 5.0  # degrees from which on a robot slides or rolls
+EARTH = -1e9  # and below: the schema's own value, as a dry run reads it
 _LEAST, _MOST = 1.0, 30.0  # metres per second squared: less than the moon's, more than Jupiter's
 PLANE = "Plane"
 MASS = "physics:mass"
@@ -151,28 +152,34 @@ def _tying(stage: StageModel) -> Mapping[str, Mapping[int, Prim]]:
 def limits(joint: Mapping[str, Any]) -> tuple[float, float]:
     """Return between which positions a joint with these values turns, infinite without a limit.
 
-    What PhysX makes of a lower limit above the upper one is not known: it counts for nothing.
+    A lower limit above the upper one locks the joint where it starts (PhysX).
     """
     low, high = (number(joint.get(name)) for name in LIMITS)
     low, high = -math.inf if low is None else low, math.inf if high is None else high
-    return (low, high) if low <= high else (-math.inf, math.inf)
+    return (low, high) if low <= high else (0.0, 0.0)
 
 
 def is_felt(scene: Mapping[str, Any], meters_per_unit: float) -> bool:
     """Whether the gravity of a scene with these values holds a robot, and does not crush it.
 
-    A negative one is the earth's (UsdPhysics). A stage whose units are wrong may mean metres.
+    Only -inf, the schema's own, is the earth's: another one below 0 pulls the other way (PhysX). A
+    stage whose units are wrong may mean metres.
     """
     strength = number(scene.get(GRAVITY))
-    if strength is None or strength < 0:
+    if strength is None or strength <= EARTH:
         return True
     return any(_LEAST <= strength * unit <= _MOST for unit in (1.0, meters_per_unit))
 
 
+def slant(scene: Mapping[str, Any]) -> float:
+    """Return by how many degrees the gravity of a scene pulls aside, 0 without a direction."""
+    direction = vector(scene.get(GRAVITY_DIRECTION))
+    return angle_between(direction, DOWN) if any(direction) else 0.0
+
+
 def is_down(scene: Mapping[str, Any]) -> bool:
     """Whether the gravity of a scene with these values pulls down, as one without direction."""
-    direction = vector(scene.get(GRAVITY_DIRECTION))
-    return not any(direction) or angle_between(direction, DOWN) <= TILT
+    return slant(scene) <= TILT
 
 
 def number(value: Value | None) -> float | None:

@@ -29,17 +29,21 @@ class Surface(NamedTuple):
     friction: float = 0.5  # of Isaac Sim's default material
     mode: str = _MODES[0]
 
-    def grips(self, other: Surface) -> bool:
-        """Whether one surface is pushed by the other."""
+    def combined(self, other: Surface) -> float:
+        """Return the friction between two surfaces."""
         mode = max((self.mode, other.mode), key=_MODES.index)
         pair = (self.friction, other.friction)
-        combined = {
+        both = {
             "average": sum(pair) / 2,
             "min": min(pair),
             "multiply": pair[0] * pair[1],
             "max": max(pair),
         }
-        return combined[mode] > _NO_GRIP
+        return both[mode]
+
+    def grips(self, other: Surface) -> bool:
+        """Whether one surface is pushed by the other."""
+        return self.combined(other) > _NO_GRIP
 
 
 def surface_of(material: Mapping[str, Any] | None) -> Surface:

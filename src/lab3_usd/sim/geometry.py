@@ -9,8 +9,9 @@ from itertools import chain, pairwise
 from typing import Any
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from lab3_usd.model.dry_run import LARGEST, Affine, ScenePrim, Segment, bounded
+from lab3_usd.model.dry_run import AXES, LARGEST, Affine, ScenePrim, Segment, bounded
 from lab3_usd.model.transforms import Vector
 
 Triangle = tuple[Vector, Vector, Vector]
@@ -38,6 +39,7 @@ class Surface(Struct, frozen=True, dict=True):
     zs: Sequence[float]
     counts: Sequence[int]
     indices: Sequence[int]
+    side: int = 0  # of its faces that others meet: by the order of their points, against it, both
 
     @cached_property
     def box(self) -> tuple[Vector, Vector]:
@@ -125,6 +127,39 @@ def placed(prim: ScenePrim, at: Affine) -> Surface:
     if prim.type == _MESH:
         return _mesh(prim.values, at)
     return _placed(prim.type, tuple(prim.values.get(name) for name in _MEASURES), at)
+
+
+# What makes a solid of a mesh that does not move; others are triangles.
+SOLID = ("convexHull", "convexDecomposition", "boundingCube", "boundingSphere", "sphereFill")
+
+
+def ground_of(prim: ScenePrim, at: Affine) -> Surface:
+    """Return the surface on which a robot stands: triangles and planes have one side (PhysX).
+
+    It is that of the order of their points and of `orientation`, whatever `doubleSided` says.
+    """
+    surface = placed(prim, at)
+    if prim.type == "Plane":
+        front = at.turn(AXES[TURN.get(str(prim.values.get("axis")), TURN["Z"]).index(2)])
+        # usd-core takes a mirrored place as one with all three axes mirrored.
+        is_up = (front[2] > 0) != is_mirrored(at)
+        faces = [1 if _turns_left(each) else -1 for each in surface.triangles()][:1] or [1]
+        return replace(surface, side=faces[0] if is_up else -faces[0])
+    if prim.type != _MESH or prim.values.get("physics:approximation") in SOLID:
+        return surface
+    return replace(surface, side=-1 if prim.values.get("orientation") == "leftHanded" else 1)
+
+
+def is_mirrored(at: Affine) -> bool:
+    """Whether a place makes the right hand a left one."""
+    (a, b, c), (d, e, f), (g, h, i) = at.rows
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
+
+
+def _turns_left(triangle: Triangle) -> bool:
+    """Whether the points of a triangle go round counterclockwise, seen from above."""
+    (ax, ay, _), (bx, by, _), (cx, cy, _) = triangle
+    return (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) > 0
 
 
 @lru_cache(maxsize=128)
@@ -289,7 +324,7 @@ def _height_at(surface: Surface, x: float, y: float, below: float) -> float | No
     best = None
     for (ax, ay, az), (bx, by, bz), (cx, cy, cz) in surface.triangles():
         area = (bx - ax) * (cy - ay) - (cx - ax) * (by - ay)
-        if not area:
+        if not area or area * surface.side < 0:
             continue
         s = ((x - ax) * (cy - ay) - (cx - ax) * (y - ay)) / area
         t = ((bx - ax) * (y - ay) - (x - ax) * (by - ay)) / area

@@ -274,6 +274,9 @@ def player_of(
         for path, reason in physics.items():
             named = f"not simulated: {path}: {reason}"
             world.unplayed.update((check, named) for check in DRIVEN)
+        world.not_simulated |= player.robot.unclear
+        path, reason = next(iter(player.robot.unclear.items()), ("", ""))
+        player.recording.unclear = f"not simulated: {path}: {reason}" if path else ""
     return player
 
 
@@ -388,7 +391,7 @@ def _rolled(robot: Machine, stated: float) -> float:
 
     Wheels of a size that is not about that radius are not the robot's own: they change nothing.
     """
-    radii = [wheel.radius for wheel in robot.wheels]
+    radii = [wheel.radius for wheel in robot.wheels if wheel.joint.holds]
     if not radii or not stated:
         return 1.0
     factor = sum(radii) / len(radii) / stated

@@ -262,6 +262,7 @@ class Recording(Struct):
     not_simulated: dict[str, str] = field(default_factory=dict)
     # Why it shows nothing of a check, or of what a node sends: in truth that may be otherwise.
     unplayed: dict[str, str] = field(default_factory=dict)
+    unclear: str = ""  # why nobody knows how the robot would move, if it is commanded
     assumed: dict[str, str] = field(default_factory=dict)
     gives: dict[str, tuple[Vector, ...]] = field(default_factory=dict)  # as of the world
     remarks: list[str] = field(default_factory=list)

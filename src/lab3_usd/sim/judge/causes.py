@@ -171,6 +171,10 @@ class RunCauses(Struct, frozen=True):
             found.update(dict.fromkeys(parts))
         return tuple(found)
 
+    def is_node(self, prim: str) -> bool:
+        """Whether a prim is a node that runs."""
+        return prim in self.program.nodes
+
     def _rivals(self, prim: str) -> Iterator[str]:
         """Yield the nodes that send on a topic on which a node sends."""
         topics = {message.topic for message in self.sent if message.node == prim}
@@ -191,7 +195,8 @@ class RunCauses(Struct, frozen=True):
     def radii(self) -> tuple[float, float] | None:
         """Return the radius of the wheels and the one that their controller has, where unlike."""
         robot = self.robot
-        radii = {round(wheel.radius, 4) for wheel in robot.wheels} if robot is not None else set()
+        wheels = robot.wheels if robot is not None else ()
+        radii = {round(wheel.radius, 4) for wheel in wheels if wheel.joint.holds}
         nodes = [node for node in self.program.nodes.values() if node.type.step_limits]
         sizes = {
             running.unit(self.unit) / self.unit * (running.values.get(_RADIUS) or 0.0)
@@ -284,10 +289,19 @@ def _of_robot(robot: Machine) -> Iterator[Cause]:
         yield Cause(base, "a joint ties the robot to the world", "base-fixed-to-world")
     if not robot.pulled:
         yield Cause(base, "gravity does not hold the robot on the ground", "no-gravity")
+    if not robot.grounded and robot.no_ground is not None:
+        path, why = robot.no_ground
+        yield Cause(path, f"it {why}, so that the robot falls", "no-ground")
     if not robot.grounded:
         yield Cause(base, "no ground is below the robot", "no-ground")
     if robot.smooth:
         yield Cause(robot.smooth, "it has no friction on the ground", "no-grip")
+    if robot.falls:
+        text = "nothing carries its centre of mass: it tips over"
+        yield Cause(base, text, "tips-over")
+    if robot.carrier is not None:
+        path, text = robot.carrier
+        yield Cause(path, text, "no-wheel-contact")
     if not robot.wheels:
         yield Cause(base, "no wheel of the robot touches the ground", "no-wheel-contact")
     yield from filter(None, (_of_joint(joint, base) for joint in _rolling(robot)))
@@ -299,10 +313,14 @@ def _of_robot(robot: Machine) -> Iterator[Cause]:
 
 
 def _rolling(robot: Machine) -> Iterator[Joint]:
-    """Yield the joints of a robot that a drive may turn, but those that steer its wheels."""
+    """Yield the joints of a robot that are to turn: those that are told speeds, if any are.
+
+    Without a command they are all that a drive may turn, but those that steer its wheels.
+    """
     steering = [joint for wheel in robot.wheels for joint in robot.above(wheel.carrier)]
-    turned = (joint for joint in robot.joints.values() if joint.kind in DRIVE)
-    return (joint for joint in turned if joint not in steering)
+    turned = [joint for joint in robot.joints.values() if joint.kind in DRIVE]
+    told = [joint for joint in turned if joint.is_told_speeds]
+    yield from told or (joint for joint in turned if joint not in steering)
 
 
 def _of_joint(joint: Joint, site: str) -> Cause | None:

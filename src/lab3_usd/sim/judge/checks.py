@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
 from lab3_usd.model.dry_run import Check, Verdict
+from lab3_usd.sim.judge.causes import DRIVEN
 from lab3_usd.sim.judge.expectations import CheckFunction, RunFault, Trial
 from lab3_usd.sim.judge.localization import on_map
 from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
@@ -64,6 +65,9 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     unplayed = why_unplayed(name, trial)
     if unplayed or (not faults and "" in trial.recording.unplayed):
         return Check(name, "not judged", unplayed or trial.recording.unplayed[""])
+    unclear = trial.recording.unclear if name in DRIVEN else ""
+    if unclear and not any(_is_of_graph(fault, trial) for fault in faults):
+        return Check(name, "not judged", unclear)
     silent = _unheard(name, trial)
     if not faults and silent:
         return Check(name, "not judged", f"nothing on {silent}")
@@ -78,6 +82,12 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     outcome: Verdict = "bad" if sure else "not judged"
     basis = trial.causes.basis(name, leading.prim) if trial.causes is not None else ()
     return Check(name, outcome, text, leading.prim, leading.kind, leading.cause, rests_on=basis)
+
+
+def _is_of_graph(fault: RunFault, trial: Trial) -> bool:
+    """Whether a node is why no command comes to the robot, however it would move."""
+    causes = trial.causes
+    return bool(fault.cause and causes is not None and causes.is_node(fault.prim))
 
 
 def _unheard(name: str, trial: Trial) -> str:

@@ -111,6 +111,9 @@ class Causes(Protocol):
     def basis(self, check: str, prim: str) -> tuple[str, ...]:
         """Return what a failed check rests on, from the prim at fault on."""
 
+    def is_node(self, prim: str) -> bool:
+        """Whether a prim is a node that runs."""
+
 
 class RunFault(NamedTuple):
     """A fault of a run: its message, its kind, and the prim at fault if known.

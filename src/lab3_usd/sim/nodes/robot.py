@@ -193,6 +193,7 @@ def _command(node: NodeInstance, world: World, joints: list[Joint]) -> bool:
     for joint, value in zip(joints, position, strict=False):
         joint.target_position = joint.target_position if math.isnan(value) else float(value)
     for joint, value in zip(joints, velocity, strict=False):
+        joint.is_told_speeds = True
         joint.target_velocity = joint.target_velocity if math.isnan(value) else float(value)
     for joint, value in zip(joints, effort, strict=False):
         joint.effort = joint.effort if math.isnan(value) else float(value)

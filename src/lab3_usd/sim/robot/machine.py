@@ -49,6 +49,7 @@ class Joint(Struct, eq=False):
     is_acceleration: bool = False  # whether the drive's damping is for a unit of inertia
     rollers: tuple[float, float] | None = None  # of its wheel: their angle to the axle, the radius
     path: str = ""
+    is_told_speeds: bool = False  # whether a controller has given it a velocity
     # why it cannot follow commands, by their kind
     hindrances: dict[JointCommand, str] = field(default_factory=dict)
 
@@ -93,6 +94,7 @@ class Wheel(Struct, frozen=True):
     along: tuple[float, float]  # where its contact goes when the joint turns forward
     contact: tuple[float, float]
     carrier: str = ""  # the body that its joint hangs on
+    trails: bool = False  # it turns freely, and lets the robot go to its side
     grip: tuple[float, float] | None = None  # of a wheel of rollers: the one way it does not slip
     pull: Pull = Pull()  # of its drive; as a rule it is at its speed at once
 
@@ -112,7 +114,7 @@ class Wheel(Struct, frozen=True):
 
     def sideways(self, motion: Vector) -> float:
         """Return how much a motion of the base (x, y, turn) moves its contact along its axle."""
-        if self.grip is not None:
+        if self.grip is not None or self.trails:
             return 0.0
         (x, y), (u, v), (ahead, left, turn) = self.contact, self.along, motion
         return u * (left + turn * x) - v * (ahead - turn * y)
@@ -134,7 +136,8 @@ def solution(wheels: Sequence[Wheel]) -> list[tuple[float, float, float]]:
             continue
         if wheel.joint.holds:
             lines.append(((u, v, x * v - y * u), index))
-        lines.append(((-v, u, x * u + y * v), -1))
+        if not wheel.trails:
+            lines.append(((-v, u, x * u + y * v), -1))
     matrix = [[1e-9 * (i == j) for j in range(3)] for i in range(3)]
     for row, _ in lines:
         for i in range(3):
@@ -190,11 +193,17 @@ class Machine(Struct):
     held: bool
     kinematic: str = ""  # the body at a joint of it that nothing moves
     wheels: list[Wheel] = field(default_factory=list)
+    falls: bool = False  # as nothing carries its centre of mass
+    lean: float = 0.0  # radians by which it stands otherwise than authored
+    carrier: tuple[str, str] | None = None  # what carries it in place of its wheels, and in words
+    # What it stands on that is modelled as a wheel, or does not hold it, and may be neither.
+    unclear: dict[str, str] = field(default_factory=dict)
     smooth: str = ""  # a wheel that touches the ground and has no friction on it
     solve: list[tuple[float, float, float]] = field(default_factory=list)
     middle: tuple[float, float] = (0.0, 0.0)
     radius: float = 0.0
     grounded: bool = True
+    no_ground: tuple[str, str] | None = None  # what is below it and carries nothing, and why
     is_given_ground: bool = False  # as the stage has none below it
     pulled: bool = True  # down, by gravity
     home: float = 0.0  # how far it drops when playing starts

@@ -3,14 +3,17 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
+from operator import itemgetter
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import HERE, Affine, Scene
-from lab3_usd.model.physics import FAR, MASS, SCENE, is_down, is_felt, number
+from lab3_usd.model.physics import MASS, SCENE, TILT, is_felt, number, slant
+from lab3_usd.model.statics import CONTACT, Stand
 from lab3_usd.model.traction import (
     MATERIAL_API,
     Load,
@@ -20,25 +23,31 @@ from lab3_usd.model.traction import (
     surface_of,
 )
 from lab3_usd.model.transforms import Vector, cross, minus
-from lab3_usd.sim.geometry import cut, height_at, placed
+from lab3_usd.sim.geometry import cut, ground_of, height_at, is_mirrored, placed
 from lab3_usd.sim.robot.bodies import ROOT, Bodies, collides
 from lab3_usd.sim.robot.machine import (
+    FIXED,
     HINGE,
-    Joint,
     Machine,
     Posture,
     Wheel,
     solution,
 )
+from lab3_usd.sim.robot.stance import SPHERICAL, Stance, contacts, stance_of
 
-_UPRIGHT = 0.5  # an axle that stands steeper rolls nowhere
-
-TOUCH = 5e-3  # metres between the lowest point of all and that of a wheel that still touches
+OWNER = "physics:simulationOwner"
+_SLIDES_OFF = (
+    20.0  # degrees by which gravity pulls aside, from which on nothing stays on the ground
+)
+_NOISE = 1e-5  # metres by which a robot may be above or below the ground at the start
+_LIGHT = 1e-3  # part of the weight that is too little to hold anything
+_HOLDS = 0.5  # part of what the wheels pull, from which on what drags may hold the robot
 STEP_UP = 0.05  # metres that the ground may be above a robot's origin
 SKIRT = 0.05  # metres above the ground at which walls stop a robot
 LEVEL = 1e-6  # metres between what carries a wheel and the ground
 PROMPT = 2.0  # metres a second squared, from which on a drive is taken to be at its speed at once
 SOON = 0.02  # seconds
+_TURNS = (0.7, 1.3)  # of what the driven wheels can turn: what surely slides, and what surely holds
 _SLIDES = 1e-4  # sideways for each unit that a wheel rolls, from which on it slides
 STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -97,10 +106,11 @@ class Machines:
         self.has_ground = has_ground
         self._bodies = Bodies(scene)
         self.bodies = self._bodies.prims
+        self._elsewhere = self._of_another_scene()
         self._solid = {
-            prim.path: placed(prim, prim.world)
+            prim.path: ground_of(prim, prim.world)
             for prim in scene.prims.values()
-            if collides(prim) and self.body_of(prim.path) == ""
+            if collides(prim) and self.body_of(prim.path) == "" and prim.path not in self._elsewhere
         }
         self.machines = self._bodies.machines()
         self.member = {body: machine for machine in self.machines for body in machine.rest}
@@ -108,6 +118,7 @@ class Machines:
         self._postures: dict[str, Posture] | None = None
         self._awake: dict[str, Machine] = {}  # those that may move, by their bases
         self._articulations: dict[str, Machine | None] = {}
+        self.stances: dict[str, Stance] = {}  # how each machine stands, by its base
         for machine in self.machines:
             self._set_down(machine)
         self.reset()
@@ -227,36 +238,191 @@ class Machines:
         unit = 1.0 / self.scene.meters_per_unit
         x, y, z = machine.start.origin
         ground = height_at(self._solid.values(), x, y, z + STEP_UP * unit)
-        if ground is None and self.has_ground and not machine.held:
+        if ground is None:
+            machine.no_ground = self._no_ground(x, y, z + STEP_UP * unit)
+        if ground is None and self.has_ground and not machine.held and machine.no_ground is None:
             machine.is_given_ground = True
             ground = z + min(point[2] for point in every)
         if ground is None:
             machine.grounded = machine.held
         else:
             low = min(point[2] for point in every)
-            machine.home = 0.0 if machine.held else ground - low - z
+            stance = stance_of(self.scene, self._bodies, machine)
+            self.stances[machine.base] = stance
+            high = -low if stance.stand is None else stance.stand.height
+            home = ground + high - z
+            is_level = machine.held or abs(home) < _NOISE * unit
+            machine.home = 0.0 if is_level else home
             machine.walls = cut(self._solid.values(), ground + SKIRT * unit)
-        if machine.grounded and ground is not None:
-            low = min(point[2] for point in every)
-            for joint in machine.joints.values():
-                wheel = _wheel_at(machine, joint, points, low + TOUCH * unit)
-                body = machine.link_of(joint)
-                if wheel is not None and not self._grips(machine, ground, wheel):
-                    machine.smooth = body
-                elif wheel is not None:
-                    machine.wheels.append(wheel)
-            machine.wheels = list(self._pulling(machine))
-            machine.solve = solution(machine.wheels)
-            machine.is_steered = any(
-                above in machine.joints.values()
-                for wheel in machine.wheels
-                for above in machine.above(wheel.carrier)
+            if machine.grounded:
+                self._stand(machine, stance, ground)
+
+    def _no_ground(self, x: float, y: float, below: float) -> tuple[str, str] | None:
+        """Return the shape that is below a place and carries nothing, and why; None for none."""
+        for path, surface in self._solid.items():
+            if height_at((replace(surface, side=0),), x, y, below) is not None:
+                return path, "has its faces turned down: a mesh or a plane has one side"
+        for path, why in self._elsewhere.items():
+            prim = self.scene.prims[path]
+            if height_at((placed(prim, prim.world),), x, y, below) is not None:
+                return path, why
+        return None
+
+    def _of_another_scene(self) -> dict[str, str]:
+        """Return the shapes that do not move and are in no scene of the robots', with the reason.
+
+        PhysX simulates what names no scene in the first one.
+        """
+        scenes = [prim.path for prim in self.scene.prims.values() if prim.type == SCENE]
+        owners = {
+            prim.path: prim.targets[OWNER][0]
+            for prim in self.scene.prims.values()
+            if prim.targets.get(OWNER)
+        }
+        of_bodies = {owners.get(body, scenes[0] if scenes else "") for body in self.bodies}
+        found: dict[str, str] = {}
+        for path, owner in owners.items():
+            if not collides(self.scene.prims[path]) or self.body_of(path):
+                continue
+            if owner not in scenes:
+                found[path] = f"belongs to the scene {owner}, which is not there"
+            elif len(of_bodies) == 1 and owner not in of_bodies:
+                found[path] = f"belongs to the scene {owner}, and the robot to another"
+        return found
+
+    def _stand(self, machine: Machine, stance: Stance, ground: float) -> None:
+        """See by which wheels a machine stands on the ground, and what else carries it."""
+        unit = self.scene.meters_per_unit
+        rolling: list[str] = []
+        for contact in contacts(machine, stance, unit):
+            wheel, body = contact.wheel, machine.link_of(contact.wheel.joint)
+            rolling += [shape.path for shape in contact.shapes]
+            if contact.odd:
+                machine.unclear[body] = f"{contact.shapes[0].path.rpartition('/')[2]} {contact.odd}"
+            if not self._grips(machine, ground, wheel):
+                machine.smooth = body
+            else:
+                machine.wheels.append(wheel)
+        for path in self.floors(machine):
+            prim = self.scene.prims[path]
+            if prim.type == "Mesh" and is_mirrored(prim.world):
+                machine.unclear[path] = "it is mirrored: which side of it carries is not known"
+        if slant(self._gravity()) > TILT:
+            machine.unclear[machine.base] = (
+                f"gravity pulls {slant(self._gravity()):.0f} degrees aside"
             )
-            machine.scrubs = any(
-                abs(wheel.sideways(motion)) > _SLIDES
-                for motion in machine.solve
-                for wheel in machine.wheels
-            )
+        machine.falls = stance.stand is not None and stance.stand.falls
+        if stance.stand is not None:
+            machine.lean = stance.stand.lean
+            self._weigh(machine, stance, stance.stand, rolling)
+        if machine.falls:
+            machine.wheels = []
+        machine.wheels = list(self._trailing(machine, stance))
+        machine.wheels = list(self._pulling(machine))
+        machine.solve = solution(machine.wheels)
+        machine.is_steered = any(
+            above in machine.joints.values() and above.holds and not wheel.trails
+            for wheel in machine.wheels
+            for above in machine.above(wheel.carrier)
+        )
+        machine.scrubs = machine.scrubs or any(
+            abs(wheel.sideways(motion)) > _SLIDES
+            for motion in machine.solve
+            for wheel in machine.wheels
+        )
+
+    def _trailing(self, machine: Machine, stance: Stance) -> Iterator[Wheel]:
+        """Yield the wheels, those without a drive by what they do in a turn.
+
+        A castor swivels or is a ball, and a steered wheel rules the turn. A free wheel that stands
+        still in its carrier slides where the driven ones have the longer lever.
+        """
+        free = [wheel for wheel in machine.wheels if not wheel.joint.holds]
+        driven = [wheel for wheel in machine.wheels if wheel.joint.holds]
+        fixed = [w for w in free if not any(j.kind != FIXED for j in machine.above(w.carrier))]
+        lever = self._moment(driven, stance, machine, driven, is_along=True)
+        brake = self._moment(fixed, stance, machine, driven, is_along=False)
+        slides = bool(fixed and driven) and brake < _TURNS[0] * lever
+        if fixed and driven and not slides and brake < _TURNS[1] * lever:
+            path = fixed[0].joint.path
+            machine.unclear[path] = "its wheel is dragged aside in a turn, by about what drives it"
+        machine.scrubs = slides
+        for wheel in machine.wheels:
+            castors = [joint for joint in machine.above(wheel.carrier) if not joint.holds]
+            swivels = any(j.kind != FIXED for j in castors)
+            is_free = not wheel.joint.holds
+            trails = is_free and (swivels or (slides and wheel in fixed))
+            yield replace(wheel, trails=True) if trails else wheel
+
+    def _moment(
+        self,
+        wheels: Sequence[Wheel],
+        stance: Stance,
+        machine: Machine,
+        driven: Sequence[Wheel],
+        *,
+        is_along: bool,
+    ) -> float:
+        """Return the moment of the weight on wheels about the middle of the driven ones.
+
+        It is that of what they push along their way, or of what holds them across it.
+        """
+        if not driven:
+            return 0.0
+        x, y = (sum(wheel.contact[k] for wheel in driven) / len(driven) for k in (0, 1))
+        moment = 0.0
+        for wheel in wheels:
+            (dx, dy), (u, v) = (wheel.contact[0] - x, wheel.contact[1] - y), wheel.along
+            arm = abs(dx * v - dy * u) if is_along else abs(dx * u + dy * v)
+            moment += arm * stance.weight_on([machine.link_of(wheel.joint)])
+        return moment
+
+    def _weigh(self, machine: Machine, stance: Stance, stand: Stand, rolling: list[str]) -> None:
+        """See whether what does not roll carries so much that it holds the wheels."""
+        loads = {path: load for path, load in stand.loads.items() if load > _LIGHT}
+        on_balls = {
+            shape.path
+            for body, own in stance.solids.items()
+            for shape in own
+            if any(joint.kind == SPHERICAL for joint in machine.above(body))
+        }
+        driven = {
+            shape.path
+            for wheel in machine.wheels
+            if wheel.joint.holds
+            for body, own in stance.solids.items()
+            if wheel.joint in machine.above(body)
+            for shape in own
+        }
+        floors = [self._surface(path) for path in self.floors(machine)] or [Surface()]
+        grip = {
+            path: max(self._surface(path).combined(floor) for floor in floors) for path in loads
+        }
+        pulls = sum(loads[path] * grip[path] for path in loads if path in driven)
+        dragged = {path: loads[path] for path in loads if path not in {*rolling, *on_balls}}
+        drags = sum(load * grip[path] for path, load in dragged.items())
+        if not dragged or drags < _HOLDS * pulls:
+            return
+        path, load = max(dragged.items(), key=itemgetter(1))
+        whole = f"{100 * load:.0f} % of the weight"
+        low = self._below_wheels(path, stance, machine)
+        text = f"{path.rpartition('/')[2]}{low} carries {whole} and does not roll"
+        if drags >= pulls:
+            machine.carrier, machine.wheels = (path, text), []
+        else:
+            machine.unclear[path] = text
+
+    def _below_wheels(self, path: str, stance: Stance, machine: Machine) -> str:
+        """Say how far a shape reaches below the driven wheels, '' where it does not."""
+        lows = {shape.path: shape.low for own in stance.solids.values() for shape in own}
+        wheels = [
+            shape.low
+            for joint in machine.joints.values()
+            if joint.kind == HINGE and joint.holds
+            for shape in stance.solids[machine.link_of(joint)]
+        ]
+        below = (min(wheels) - lows[path]) * self.scene.meters_per_unit if wheels else 0.0
+        return f", {1000 * below:.2g} mm below the wheels," if below > CONTACT else ""
 
     def floors(self, machine: Machine) -> list[str]:
         """Return the paths of the shapes that a robot stands on."""
@@ -286,6 +452,11 @@ class Machines:
         ]
         floors = list(map(self._surface, below)) or [Surface()]
         return any(self._surface(shape).grips(floor) for shape in shapes for floor in floors)
+
+    def _gravity(self) -> Mapping[str, Any]:
+        """Return the values of the first physics scene."""
+        scenes = (prim.values for prim in self.scene.prims.values() if prim.type == SCENE)
+        return next(scenes, {})
 
     def _surface(self, shape: str) -> Surface:
         prims = self.scene.prims
@@ -330,34 +501,4 @@ def is_pulled(scene: Scene) -> bool:
     Without one Isaac Sim makes one.
     """
     first = next((prim.values for prim in scene.prims.values() if prim.type == SCENE), {})
-    return is_felt(first, scene.meters_per_unit) and is_down(first)
-
-
-def _wheel_at(
-    machine: Machine, joint: Joint, points: dict[str, list[Vector]], touch: float
-) -> Wheel | None:
-    """Return the wheel at a joint, or None where it does not touch or cannot roll."""
-    body = machine.link_of(joint)
-    low = min((point[2] for point in points[body]), default=math.inf)
-    rollers = joint.rollers
-    if joint.kind != HINGE or (rollers is None and low > touch):
-        return None
-    if joint.stiffness > 0 and joint.reach < math.radians(FAR):
-        return None  # a spring holds it between limits: the knee of a leg
-    inner = joint.bodies.index(body)
-    carrier = joint.bodies[1 - inner]
-    if any(above.rollers is not None for above in machine.above(carrier)):
-        return None  # a roller of a wheel, which turns it out of the way
-    frame = Affine(machine.start.rows).then(machine.rest[body]).then(joint.frames[inner])
-    x, y, z = frame.origin
-    axle = frame.turn(joint.axis)
-    flat = math.hypot(axle[0], axle[1])
-    if flat < _UPRIGHT:
-        return None
-    sign = 1.0 if inner else -1.0
-    along, radius = (axle[1] / flat, -axle[0] / flat), (z - low) * flat
-    if rollers is None:
-        return Wheel(joint, sign, radius, along, (x, y), carrier)
-    c, s = math.cos(rollers[0]), math.sin(rollers[0])
-    grip = ((c * axle[0] - s * axle[1]) / flat, (s * axle[0] + c * axle[1]) / flat)
-    return Wheel(joint, sign, rollers[1], along, (x, y), carrier, grip)
+    return is_felt(first, scene.meters_per_unit) and slant(first) <= _SLIDES_OFF

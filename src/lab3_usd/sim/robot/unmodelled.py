@@ -6,9 +6,9 @@ import math
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any
 
-from lab3_usd.model.dry_run import Affine, Scene, ScenePrim
+from lab3_usd.model.dry_run import Scene, ScenePrim
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
-from lab3_usd.model.physics import MASS, SCENE, number, numbers, vector
+from lab3_usd.model.physics import SCENE, numbers
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.sim.robot.bodies import collides
 from lab3_usd.sim.robot.machine import HINGE, JOINTS, Joint, Machine
@@ -18,10 +18,9 @@ _GROUP = "PhysicsCollisionGroup"
 _OWNER, _PAIRS = "physics:simulationOwner", "physics:filteredPairs"
 _FILTERED, _INVERTED = "physics:filteredGroups", "physics:invertFilteredGroups"
 _COLLIDERS = "collection:colliders:"
-_CENTRE, _SPEED = "physics:centerOfMass", "physxJoint:maxJointVelocity"
+_SPEED = "physxJoint:maxJointVelocity"
 _ROUND, _EVEN = ("Sphere", "Cylinder", "Capsule", "Cone"), 0.01
 _MIMIC = ("physxMimicJoint:", "newton:mimic")
-_UNSET = 1e8  # an infinite value means that the schema's own counts
 _FASTEST = 0.5  # metres a second: no command lets a robot, or the rim of a wheel, go faster
 _SLOWEST = 10.0  # degrees a second: a joint that may turn so fast comes where it should
 
@@ -100,7 +99,6 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
         *(pair for body in bodies for pair in _bad(body, {**_BODY, **_SURFACE})),
         *(pair for ground in grounds for pair in _bad(ground, _SURFACE)),
         *(pair for prim in scene.prims.values() for pair in _of_joint(prim, machines, robot)),
-        *_leaning(bodies, robot),
         *_uneven(own),
         *_owned(scene, [*bodies, *own, *floors]),
         *_filtered(scene, [prim.path for prim in own], [floor.path for floor in floors]),
@@ -140,23 +138,6 @@ def _needed(joint: Joint, machines: Machines, robot: Machine) -> float:
     if radius > 0:
         return math.degrees(_FASTEST / unit / radius)
     return _SLOWEST if joint.kind == HINGE else math.radians(_SLOWEST) / unit
-
-
-def _leaning(bodies: list[ScenePrim], robot: Machine) -> Iterator[tuple[str, str]]:
-    """Yield the centre of mass by which a robot's own is beside it, so that it tips over."""
-    moments: list[tuple[float, float, ScenePrim]] = []
-    total = 0.0
-    for body in bodies:
-        mass = max(number(body.values.get(MASS)) or 0.0, 0.0)  # one below 0 counts as not set
-        centre = vector(body.values.get(_CENTRE))
-        total += mass
-        if _CENTRE in body.values and max(map(abs, centre)) < _UNSET:  # else that of its shapes
-            x, y, _ = Affine(robot.start.rows).then(robot.rest[body.path]).point(centre)
-            moments.append((mass * (x - robot.middle[0]), mass * (y - robot.middle[1]), body))
-    away = math.hypot(sum(x for x, _, _ in moments), sum(y for _, y, _ in moments))
-    if robot.radius and not robot.held and away > robot.radius * total:
-        body = max(moments, key=lambda moment: math.hypot(*moment[:2]))[2]
-        yield body.path, f"{_CENTRE} is {body.values[_CENTRE]}"
 
 
 def _uneven(shapes: list[ScenePrim]) -> Iterator[tuple[str, str]]:
