@@ -98,7 +98,10 @@ def test_limits_of_a_lab_in_centimetres_are_turned_into_metres(tmp_path: Path) -
 
 def test_a_robot_turns_about_the_point_between_its_wheels(lab: Path) -> None:
     starter, ahead = lab / "starter.yaml", r"[0.1, \1, 0.03]"
-    starter.write_text(re.sub(r"\[0\.0, (-?0\.05625), 0\.03\]", ahead, starter.read_text()))
+    text = starter.read_text().replace(
+        "[-0.02, 0.0, 0.0]", "[0.08, 0.0, 0.0]"
+    )  # its weight as well
+    starter.write_text(re.sub(r"\[0\.0, (-?0\.05625), 0\.03\]", ahead, text))
     found = verdicts(lab, "--drive", BRIEFLY)
     assert found["follows"] == "bad"  # by a lab that has the wheels below its base
     stage = next((lab / "out").iterdir())

@@ -284,9 +284,26 @@ def car_with_clock() -> Usd.Stage:
     return stage
 
 
+def _roller(
+    stage: Usd.Stage,
+    link: str,
+    number: int,
+    at: tuple[float, float, float],
+    inside: tuple[float, float, float],
+) -> None:
+    """A ball at the rim of a wheel that turns freely about an axis of its own."""
+    path = f"{link}_roller_{number}"
+    body(stage, path, at)
+    ball = UsdGeom.Sphere.Define(stage, f"{path}/ball")
+    ball.CreateRadiusAttr(0.02)
+    add_api(ball.GetPrim(), "PhysicsCollisionAPI")
+    joint = revolute(stage, f"{path}_joint", link, path, inside, "X")
+    joint.RemoveAPI(UsdPhysics.DriveAPI, "angular")
+
+
 @made_once
 def rollers() -> Usd.Stage:
-    """A robot on four wheels with rollers, at the corners of a square of 0.4 m."""
+    """A robot on four wheels with rollers, at the corners of a square of 0.4 m; metres."""
     stage = empty_stage("Z", 1.0)
     robot = "/World/Mecanum"
     add_api(UsdGeom.Xform.Define(stage, robot).GetPrim(), "PhysicsArticulationRootAPI")
@@ -298,8 +315,10 @@ def rollers() -> Usd.Stage:
         ("rear_right", -0.2, -0.2, -135.0),
     ):
         link = f"{robot}/{name}"
-        wheel(stage, link, (x, y, 0.1), 0.1)
+        body(stage, link, (x, y, 0.1))
         joint = revolute(stage, f"{robot}/{name}_joint", f"{robot}/base", link, (x, y, 0), "Y")
+        for k, (u, v) in enumerate(((0.0, -0.08), (0.0, 0.08), (-0.08, 0.0), (0.08, 0.0))):
+            _roller(stage, link, k, (x + u, y, 0.1 + v), (u, 0.0, v))
         for part, value in (("angle", angle), ("radius", 0.1)):
             joint.CreateAttribute(f"isaacmecanumwheel:{part}", Sdf.ValueTypeNames.Float).Set(value)
     base = f"{robot}/base"

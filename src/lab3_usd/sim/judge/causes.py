@@ -283,6 +283,26 @@ class RunCauses(Struct, frozen=True):
 def _of_robot(robot: Machine) -> Iterator[Cause]:
     """Yield the causes that keep a robot from following its commands."""
     base = robot.base
+    yield from _of_stand(robot)
+    if robot.smooth:
+        yield Cause(robot.smooth, "it has no friction on the ground", "no-grip")
+    if not robot.wheels:
+        yield Cause(base, "no wheel of the robot touches the ground", "no-wheel-contact")
+    for wheel in robot.wheels:
+        if wheel.joint.rollers is not None and wheel.grip is None:
+            text = "its wheel is a plain tyre: the attributes of rollers tell the controller alone"
+            yield Cause(wheel.joint.path, text, None)
+    yield from filter(None, (_of_joint(joint, base) for joint in _rolling(robot)))
+    for wheel in robot.wheels:
+        if wheel.pull != Pull():
+            kind = "of type acceleration " if wheel.joint.is_acceleration else ""
+            what = f"the drive {kind}of {wheel.joint.name} is too weak for the weight of the robot"
+            yield Cause(base, what, "weak-drive")
+
+
+def _of_stand(robot: Machine) -> Iterator[Cause]:
+    """Yield what keeps a robot from standing on its wheels."""
+    base = robot.base
     if robot.kinematic:
         yield Cause(robot.kinematic, "it is kinematic: nothing moves it", "kinematic-link")
     if robot.held:
@@ -294,22 +314,12 @@ def _of_robot(robot: Machine) -> Iterator[Cause]:
         yield Cause(path, f"it {why}, so that the robot falls", "no-ground")
     if not robot.grounded:
         yield Cause(base, "no ground is below the robot", "no-ground")
-    if robot.smooth:
-        yield Cause(robot.smooth, "it has no friction on the ground", "no-grip")
     if robot.falls:
         text = "nothing carries its centre of mass: it tips over"
         yield Cause(base, text, "tips-over")
     if robot.carrier is not None:
         path, text = robot.carrier
         yield Cause(path, text, "no-wheel-contact")
-    if not robot.wheels:
-        yield Cause(base, "no wheel of the robot touches the ground", "no-wheel-contact")
-    yield from filter(None, (_of_joint(joint, base) for joint in _rolling(robot)))
-    for wheel in robot.wheels:
-        if wheel.pull != Pull():
-            kind = "of type acceleration " if wheel.joint.is_acceleration else ""
-            what = f"the drive {kind}of {wheel.joint.name} is too weak for the weight of the robot"
-            yield Cause(base, what, "weak-drive")
 
 
 def _rolling(robot: Machine) -> Iterator[Joint]:
