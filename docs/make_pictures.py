@@ -21,7 +21,9 @@ DRAWN = {  # what `lab3 draw` names a picture, and its name here
     "ROS_Drive.svg": "drive.svg",
     "TF.svg": "tf.svg",
     "Lab3_02_ros_drive-ROS_Drive.svg": "faults.svg",
+    "rover-Drive.svg": "added_drive.svg",
 }
+ROVER = DOCS / "examples" / "rover.usda"  # a robot without graphs
 # The part of the picture of faults that README shows, as it is 830 pixels wide there.
 HERO, HERO_VIEW = "hero.svg", (700, 155, 1030, 400)
 MAP_ZOOM = 3
@@ -41,7 +43,8 @@ def make_pictures(target: Path) -> None:
     with tempfile.TemporaryDirectory() as name:
         folder = Path(name)
         wrong = _submission(folder / "ana") / "work" / "Lab3_02_ros_drive.usda"
-        for drawn in (wrong, "ROS_Drive", "TF"):
+        _lab3("add", "drive", ROVER, "--output", folder / "rover.usda")
+        for drawn in (wrong, "ROS_Drive", "TF", folder / "rover.usda"):
             _lab3("draw", drawn, "--out", folder)
         for drawn, kept in DRAWN.items():
             shutil.copyfile(folder / drawn, target / kept)

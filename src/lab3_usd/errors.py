@@ -2,6 +2,7 @@
 
 import errno
 import sys
+from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
@@ -42,6 +43,16 @@ class StageError(Lab3Error):
 
 class UsageError(Lab3Error):
     """The command or call was given something it cannot work with."""
+
+
+class AmbiguousError(UsageError):
+    """Several things can be meant; `candidates` names them, and `option` chooses one."""
+
+    def __init__(self, what: str, candidates: Sequence[str], option: str) -> None:
+        """Ask which one is meant."""
+        super().__init__(f"which {what}? {', '.join(candidates)}: name one with {option}")
+        self.candidates = tuple(candidates)
+        self.option = option
 
 
 class NoRoomError(Lab3Error):

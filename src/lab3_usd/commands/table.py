@@ -18,6 +18,17 @@ GROUPS: dict[str, dict[str, tuple[str, ...]]] = {
             "lab3 fix STAGE.usda --diff",
             "lab3 fix work --in-place",
         ),
+        "robots": (
+            "Print the robots of a stage: wheels, joints, sensors, frames.",
+            "lab3 robots robot.usd",
+        ),
+        "add": (
+            "Add ROS 2 graphs for the robots and sensors of a stage.",
+            "lab3 add drive robot.usd",
+            "lab3 add camera robot.usd --publish rgb --in-place",
+            "lab3 add --file ros.yaml robot.usd --diff",
+        ),
+        "remove": ("Remove such a graph.", "lab3 remove drive robot.usd --in-place"),
         "sim": (
             "Play a stage without Isaac Sim, and judge its messages.",
             "lab3 sim STAGE.usda",

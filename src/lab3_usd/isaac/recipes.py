@@ -41,7 +41,8 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     `title` says what it does, `graph` is its usual name. `needs` are the facts that fill the holes,
     `options` those of the command that it takes, `usual` values of holes that nothing else fills.
     `outputs` are what can be published, each with its holes, `publishes` what is without a choice.
-    `leaves` are rules whose findings another command resolves, and which.
+    `joint_mark` is the attribute of the joints that it is about. `leaves` are rules whose findings
+    something else resolves, and what. One that `is_single` is there once for a robot.
     """
 
     kind: str
@@ -55,4 +56,6 @@ class Recipe(Struct, frozen=True, forbid_unknown_fields=True):
     outputs: Mapping[str, Mapping[str, Any]] = {}
     publishes: tuple[str, ...] = ()
     sensor: SensorKind | None = None
+    joint_mark: str = ""
     leaves: Mapping[str, str] = {}
+    is_single: bool = False

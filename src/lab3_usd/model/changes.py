@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from msgspec import Struct
 
+from lab3_usd.isaac.graph import Graph
 from lab3_usd.isaac.values import Value
 
 if TYPE_CHECKING:
@@ -103,6 +104,15 @@ class AddGraph(Struct, frozen=True, tag="add-graph", tag_field="edit"):
     graph: str
 
 
+class WriteGraph(Struct, frozen=True, tag="write-graph", tag_field="edit"):
+    """Add an Action Graph, or nodes to one that is there; `kind` names the recipe of it."""
+
+    prim: str
+    graph: Graph
+    kind: str
+    into: bool = False
+
+
 class CreateNode(Struct, frozen=True, tag="create-node", tag_field="edit"):
     """Add a node of a type, with its ports as the editor writes them, and no connections."""
 
@@ -112,6 +122,12 @@ class CreateNode(Struct, frozen=True, tag="create-node", tag_field="edit"):
 
 class RemovePrim(Struct, frozen=True, tag="remove-prim", tag_field="edit"):
     """Remove a prim with all that is below it."""
+
+    prim: str
+
+
+class DropPrim(Struct, frozen=True, tag="drop-prim", tag_field="edit"):
+    """Take out what the root layer says of a prim and all below it, whatever other layers say."""
 
     prim: str
 
@@ -137,7 +153,9 @@ Edit: TypeAlias = (
     | AddNode
     | AddGraph
     | CreateNode
+    | WriteGraph
     | RemovePrim
+    | DropPrim
     | MovePrim
 )
 
@@ -174,7 +192,7 @@ class Repair(Struct, frozen=True):
     safe: bool = True
 
 
-_NEEDS_CONSENT = (AddGraph, AddNode, CreateNode, RemovePrim, MovePrim)
+_NEEDS_CONSENT = (AddGraph, AddNode, CreateNode, WriteGraph, RemovePrim, DropPrim, MovePrim)
 
 
 def repair_by(edits: tuple[Edit, ...]) -> Repair:

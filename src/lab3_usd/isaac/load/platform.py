@@ -176,6 +176,7 @@ def assemble_platform(folder: Path) -> Platform:
     def by_type(file: str, kind: type[_Fact]) -> dict[str, _Fact]:
         return record(read_yaml(folder / file), dict[str, kind], f"{name}/{file}")  # type: ignore[valid-type]
 
+    recipes = load_recipes(folder, types)
     sensors, targets = by_type(SENSORS, SensorOf), by_type(TARGETS, TargetOf)
     return Platform(
         release=BASE,
@@ -213,13 +214,20 @@ def assemble_platform(folder: Path) -> Platform:
         joints=by_type(JOINTS, JointsOf),
         units=by_type(UNITS, UnitOf),
         targets=targets,
-        attributes=frozenset(target.switch for target in targets.values() if target.switch),
+        attributes=frozenset(
+            name
+            for name in (
+                *(target.switch for target in targets.values()),
+                *(recipe.joint_mark for recipe in recipes.values()),
+            )
+            if name
+        ),
         quantities=by_type(QUANTITIES, QuantityOf),
         application_prims=record(
             read_yaml(folder / APPLICATION), _Application, f"{name}/{APPLICATION}"
         ).prims,
         placed=frozenset(kind for sensor in sensors.values() for kind in sensor.types),
-        recipes=load_recipes(folder, types),
+        recipes=recipes,
     )
 
 

@@ -19,6 +19,7 @@ from lab3_usd.model.changes import (
     ClearValue,
     Connect,
     CreateNode,
+    DropPrim,
     MovePrim,
     RemovePrim,
     RemoveSchema,
@@ -26,11 +27,19 @@ from lab3_usd.model.changes import (
     Retarget,
     SetType,
     SetValue,
+    WriteGraph,
 )
 from lab3_usd.stage.edit.session import EditSession
-from lab3_usd.stage.write.graphs import author_graph, author_nodes, catalog_value, define_parents
+from lab3_usd.stage.write.graphs import (
+    PARENT,
+    author_graph,
+    author_nodes,
+    catalog_value,
+    define_parents,
+)
 
 _CUSTOM = ("inputs:", "outputs:", VARIABLE)  # how the custom properties of OmniGraph begin
+MARK = "lab3:added"  # custom data of what was added, with the kind of its recipe
 _SCHEMAS = "apiSchemas"
 _VARYING = ("timeSamples", "spline")  # which beat the default value of the same layer
 _LISTS = ("explicitItems", "prependedItems", "appendedItems", "addedItems")
@@ -254,6 +263,36 @@ def create_node(session: EditSession, edit: CreateNode) -> None:
     copy_prim(session, source, edit.prim, edit.prim)
 
 
+def write_graph(session: EditSession, edit: WriteGraph) -> None:
+    """Add an Action Graph with the parents that it lacks, or nodes to one that is there.
+
+    All that is new says in its custom data which recipe brought it, so that it can be removed.
+    """
+    source = Sdf.Layer.CreateAnonymous(".usda")
+    author = author_nodes if edit.into else author_graph
+    author(source, edit.graph, session.lab.platform)
+    if edit.into:
+        for role in edit.graph.nodes:
+            _mark(source.GetPrimAtPath(f"{edit.prim}/{role}"), edit.kind)
+            copy_prim(session, source, f"{edit.prim}/{role}", f"{edit.prim}/{role}")
+        return
+    _mark(source.GetPrimAtPath(edit.prim), edit.kind)
+    above = list(Sdf.Path(edit.prim).GetParentPath().GetPrefixes())
+    missing = [path for path in above if not session.stage.GetPrimAtPath(path)]
+    copy_prim(session, source, edit.prim, edit.prim)
+    for role in edit.graph.nodes:  # which may stand where nodes stood that were removed
+        session.touch(session.prim_layer(edit.prim), f"{edit.prim}/{role}")
+    for path in missing:
+        for layer in session.layers():
+            spec = layer.GetPrimAtPath(path)
+            if spec is not None and spec.typeName == PARENT:
+                _mark(spec, edit.kind)
+
+
+def _mark(spec: Sdf.PrimSpec, kind: str) -> None:
+    spec.SetInfo("customData", {MARK: kind})
+
+
 def copy_prim(session: EditSession, source: Sdf.Layer, path: str, to: str) -> None:
     """Copy a prim with all that is below it to where no prim stands."""
     if session.stands(to):
@@ -275,6 +314,15 @@ def remove_prim(session: EditSession, edit: RemovePrim) -> None:
         del parent.nameChildren[spec.name]
     if session.stands(edit.prim):
         session.prim_spec(session.stage.GetRootLayer(), edit.prim).active = False
+
+
+def drop_prim(session: EditSession, edit: DropPrim) -> None:
+    """Take out what the root layer says of a prim, and of all below it."""
+    layer = session.stage.GetRootLayer()
+    spec = layer.GetPrimAtPath(edit.prim)
+    if spec is not None:
+        session.touch(layer, edit.prim)
+        del (spec.nameParent or layer.pseudoRoot).nameChildren[spec.name]
 
 
 def move_prim(session: EditSession, edit: MovePrim) -> None:

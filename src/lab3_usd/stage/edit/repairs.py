@@ -19,6 +19,7 @@ from lab3_usd.stage.edit.prims import (
     connect,
     copy_prim,
     create_node,
+    drop_prim,
     move_prim,
     remove_prim,
     remove_schema,
@@ -27,6 +28,7 @@ from lab3_usd.stage.edit.prims import (
     set_type,
     set_typed,
     set_value,
+    write_graph,
 )
 from lab3_usd.stage.edit.session import EditSession
 
@@ -250,8 +252,10 @@ _EDITORS: Mapping[type, Callable[[EditSession, Any], None]] = {
     changes.Restore: restore,
     changes.AddNode: add_node,
     changes.CreateNode: create_node,
+    changes.WriteGraph: write_graph,
     changes.AddGraph: add_graph,
     changes.RemovePrim: remove_prim,
+    changes.DropPrim: drop_prim,
     changes.MovePrim: move_prim,
 }
 

@@ -19,7 +19,7 @@ _TARGET = {"omni": {"graph": {"relType": "target"}}}
 _POSITION = "ui:nodegraph:node:pos"
 _EXPANSION = "ui:nodegraph:node:expansionState"
 _QUATERNION = "quatd"
-_PARENT = "Scope"
+PARENT = "Scope"
 _DIGITS = 12  # sines differ in the last bits between machines, and that of 180 degrees is not 0
 
 
@@ -54,7 +54,7 @@ def define_parents(layer: Sdf.Layer, stage: Usd.Stage, path: str) -> None:
     """Define each prim above a path that neither the stage nor the layer has."""
     for above in Sdf.Path(path).GetParentPath().GetPrefixes():
         if not stage.GetPrimAtPath(above) and layer.GetPrimAtPath(above) is None:
-            _define_prim(layer, str(above), _PARENT)
+            _define_prim(layer, str(above), PARENT)
 
 
 def author_sensor(

@@ -1,0 +1,397 @@
+"""Adds graphs to a stage in memory: planned from facts, proved by the linter, written as text."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.author.choosing import present_prim
+from lab3_usd.author.editing import Editing, open_for_edits
+from lab3_usd.author.extending import extension
+from lab3_usd.author.holes import fill, subjects
+from lab3_usd.author.places import graph_to_extend, new_path
+from lab3_usd.author.presence import Likeness, likeness, rivals
+from lab3_usd.author.request import Options, Request, checked
+from lab3_usd.author.task import Hole, Task
+from lab3_usd.errors import GraphError, StageError, UsageError, unwritten
+from lab3_usd.facts.frame_targets import frame_name, tf_ports
+from lab3_usd.facts.frames import all_edges
+from lab3_usd.files import FileState, temporary_beside
+from lab3_usd.isaac.filling import filled
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.recipes import Recipe
+from lab3_usd.model.changes import DropPrim, Edit, Retarget, WriteGraph
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.stage import StageModel
+from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.stage.edit.added import added_prims
+from lab3_usd.stage.read.opening import open_stage, quiet
+from lab3_usd.stage.read.properties import release_start_values
+from lab3_usd.stage.read.reader import read_model
+
+_TO_LIGHT = "it was there before, and shows only now"
+_MOST_SHOWN = 4
+
+
+class Addition(Struct, frozen=True):
+    """One request and what became of it.
+
+    `graph` is the graph that is new, extended or there already, `nodes` how many nodes are new;
+    none where the stage has all that is asked for. `holes` say what was filled in. `replaced` is
+    a graph that made way, `notes` are what else there is to say.
+    """
+
+    request: Request
+    graph: str
+    nodes: int
+    extends: bool = False
+    holes: tuple[Hole, ...] = ()
+    replaced: str = ""
+    notes: tuple[str, ...] = ()
+
+    @property
+    def is_there(self) -> bool:
+        """Whether nothing is to be added."""
+        return not self.nodes and not self.notes
+
+
+class Added(Struct, frozen=True):
+    """A stage with graphs added: the findings before and after, and the new bytes of its file.
+
+    `data` is None where nothing changes. `awaited` are the new findings that another command
+    resolves, each with how; `new` the others, for which nothing is written unless forced.
+    """
+
+    path: Path
+    additions: tuple[Addition, ...]
+    before: tuple[Finding, ...]
+    after: tuple[Finding, ...]
+    awaited: tuple[tuple[Finding, str], ...]
+    new: tuple[Finding, ...]
+    state: FileState
+    data: bytes | None
+
+
+class AddOptions(Struct, frozen=True):
+    """How to add: by which release, in spite of findings or not, in place of graphs or not."""
+
+    release: str
+    force: bool = False
+    replaces: bool = False
+
+
+@quiet()
+def add_graphs(path: Path, requests: Sequence[Request], options: AddOptions) -> Added:
+    """Add graphs to a stage in memory; no file is written.
+
+    Raises:
+        AmbiguousError: several answers fit.
+        UsageError: a request is wrong, or something does already what is asked for.
+        StageError: the stage cannot be opened or edited.
+    """
+    stage, state = open_for_edits(path)
+    editing = Editing.begin(path, stage, options.release)
+    try:
+        before = editing.findings()
+        additions: list[Addition] = []
+        for request in requests:
+            wanted = _with_frames(request, editing.model)
+            additions += [add_one(editing, each, options) for each in wanted]
+        after = editing.findings()
+        data = editing.new_root(state)
+    finally:
+        release_start_values(stage)
+        editing.session.close()
+    awaited, new = _new_findings(before, after, additions, editing.platform)
+    return Added(path, tuple(additions), before, after, awaited, new, state, data)
+
+
+def _new_findings(
+    before: Sequence[Finding],
+    after: Sequence[Finding],
+    additions: Sequence[Addition],
+    platform: Platform,
+) -> tuple[tuple[tuple[Finding, str], ...], tuple[Finding, ...]]:
+    """Return the new errors and warnings: those that another command resolves, and the others."""
+    known = {_key(finding) for finding in before}
+    leaves: dict[str, str] = {}
+    for addition in additions:
+        leaves |= platform.recipes[addition.request.kind].leaves
+    tops = [addition.graph for addition in additions]
+    awaited, new = [], []
+    for finding in after:
+        if finding.severity == "note" or _key(finding) in known:
+            continue
+        places = (finding.prim, *finding.related)
+        if finding.rule in leaves:
+            awaited.append((finding, leaves[finding.rule]))
+        elif any(is_at_or_below(place.partition(".")[0], top) for place in places for top in tops):
+            new.append(finding)
+        else:
+            awaited.append((finding, _TO_LIGHT))
+    return tuple(awaited), tuple(new)
+
+
+def _key(finding: Finding) -> tuple[str, str, str | None]:
+    return finding.rule, finding.identity or finding.prim, finding.property
+
+
+def _with_frames(request: Request, model: StageModel) -> tuple[Request, ...]:
+    """Return a request, and that for the frame of its sensor where it is to come along."""
+    if not request.options.with_tf:
+        return (request,)
+    recipe = checked(request, model.platform.recipes)
+    _, sensor = subjects(model, recipe, request.options)
+    if sensor is None:
+        return (request,)
+    frame = request.options.frame
+    if frame is not None and frame != sensor.frame:
+        raise UsageError(
+            f"--with-tf sends {sensor.frame}, the name of {sensor.prim.path}, and not {frame}; "
+            "leave --frame out, or give the prim isaac:nameOverride"
+        )
+    tf = Options(
+        targets=(sensor.prim.path,),
+        parent=sensor.carrier or None,
+        namespace=request.options.namespace,
+        domain=request.options.domain,
+    )
+    return request, Request(_FRAMES, tf)
+
+
+_FRAMES = "tf"
+
+
+def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition:
+    """Add one graph to a stage that is being edited.
+
+    Raises:
+        UsageError: as `add_graphs`.
+    """
+    model = editing.model
+    recipe = checked(request, model.platform.recipes)
+    if request.options.node is not None:
+        return _add_to_node(editing, request)
+    robot, sensor = subjects(model, recipe, request.options)
+    subject = sensor.prim.path if sensor else robot.path if robot else ""
+    into = request.options.into
+    if into is not None:
+        path = graph_to_extend(into, model).path
+    else:
+        path = _path(editing, request, recipe, subject)
+    task = Task(model, recipe, request.options, path, robot, sensor, options.force)
+    holes = fill(task)
+    values = {hole.name: hole.value for hole in holes}
+    shown = tuple(hole for hole in holes if hole.label)
+    try:
+        graph, shared = filled(recipe, path, values, editing.platform)
+    except GraphError as error:
+        raise UsageError(f"{recipe.kind}: {error}") from error
+    there = [likeness(graph, found, model) for found in model.graphs if _is_live(found.path, model)]
+    same = next((found for found in there if found.is_same), None)
+    if same is not None:
+        return Addition(request, same.path, 0, holes=shown)
+    replaced = ""
+    if into is None and request.options.graph is not None and _stands(editing, path):
+        at_path = next((found for found in there if found.path == path and found.is_alike), None)
+        if at_path is None or not options.replaces:
+            _refuse_taken(path, at_path)
+    if into is not None:
+        own = next(found for found in there if found.path == into)
+        graph = extension(graph, shared, own, model)
+        edits: list[Edit] = [WriteGraph(into, graph, recipe.kind, into=True)]
+    else:
+        edits = [WriteGraph(path, graph, recipe.kind)]
+    alike = [found.path for found in there if found.is_alike]
+    alike += [path for path in _own_graphs(editing, recipe, subject) if path not in alike]
+    if recipe.is_single and alike and not options.replaces:
+        raise UsageError(f"{alike[0]} is a {recipe.kind} of {subject} already; --replace renews it")
+    if options.replaces and alike:
+        replaced = path if path in alike else alike[0]
+        if into is None:
+            path = request.options.graph or replaced
+            graph = replace(graph, path=path)
+            edits = [DropPrim(replaced), WriteGraph(path, graph, recipe.kind)]
+    editing.edit(edits)
+    new = frozenset(f"{graph.path}/{role}" for role in graph.nodes)
+    _refuse_rivals(new, there, alike, editing.model)
+    return Addition(
+        request,
+        graph.path,
+        len(graph.nodes),
+        extends=into is not None,
+        holes=shown,
+        replaced=replaced,
+        notes=tuple(_frame_notes(task, values, editing.model)),
+    )
+
+
+def _is_live(path: str, model: StageModel) -> bool:
+    return any(
+        graph.path == path and graph.active and not graph.instanced for graph in model.graphs
+    )
+
+
+def _stands(editing: Editing, path: str) -> bool:
+    return bool(editing.session.stage.GetPrimAtPath(path))
+
+
+def _path(editing: Editing, request: Request, recipe: Recipe, subject: str) -> str:
+    """Return where the new graph will stand; a graph that is named may be the same one again."""
+    asked = request.options.graph
+    if asked is not None and any(graph.path == asked for graph in editing.model.graphs):
+        return asked
+    return new_path(request, recipe, subject, editing.model, lambda path: _stands(editing, path))
+
+
+def _refuse_taken(path: str, alike: Likeness | None) -> None:
+    if alike is not None:
+        differences = "; ".join(alike.differences)
+        raise UsageError(f"{path} is there with other values: {differences}; --replace renews it")
+    raise UsageError(
+        f"--graph {path} is taken: a graph stands there; choose another path, or extend it with "
+        f"--into {path}"
+    )
+
+
+def _own_graphs(editing: Editing, recipe: Recipe, subject: str) -> list[str]:
+    """Return the graphs that the same recipe brought for the same robot or sensor."""
+    form, model = editing.platform.graph, editing.model
+    marked = added_prims(editing.session.stage, form.type, form.node_type).graphs
+    found = []
+    for graph in model.graphs:
+        named = {t for node in graph.nodes for s in node.ports.values() for t in s.targets}
+        is_about = not subject or any(is_at_or_below(path, subject) for path in named)
+        if marked.get(graph.path) == recipe.kind and is_about:
+            found.append(graph.path)
+    return found
+
+
+def _refuse_rivals(
+    new: frozenset[str], there: Sequence[Likeness], alike: Sequence[str], model: StageModel
+) -> None:
+    """Refuse what another node does already.
+
+    Raises:
+        UsageError: one does; the text names it.
+    """
+    found = list(rivals(new, model))
+    if not found:
+        return
+    first = found[0]
+    graph = first.path.rpartition("/")[0]
+    if graph in alike:
+        likest = next(each for each in there if each.path == graph)
+        differences = "; ".join(likest.differences[:_MOST_SHOWN]) or "other nodes"
+        raise UsageError(f"{graph} is there with other values: {differences}; --replace renews it")
+    raise UsageError(f"{first.path} {first.what}")
+
+
+def _frame_notes(task: Task, values: dict[str, Any], model: StageModel) -> list[str]:
+    """Return what sends the frame of a sensor that nobody sends."""
+    sensor, frame = task.sensor, values.get("frame")
+    if sensor is None or not isinstance(frame, str) or task.options.with_tf:
+        return []
+    if frame in {name for edge in all_edges(model) for name in (edge.parent, edge.child)}:
+        return []
+    if frame != sensor.frame:
+        return [f"nothing sends the frame {frame}, which is no prim's: publish it elsewhere"]
+    parent = f" --parent {sensor.carrier}" if sensor.carrier else ""
+    how = f"lab3 add tf STAGE --targets {sensor.prim.path}{parent}"
+    return [f"nothing sends the frame {frame}: --with-tf, or {how}"]
+
+
+def _add_to_node(editing: Editing, request: Request) -> Addition:
+    """Append prims to a node that makes frames, whichever node of the two is named.
+
+    Raises:
+        UsageError: there is no such node, or the frames would not fit.
+    """
+    model, options = editing.model, request.options
+    node = next((node for node in model.nodes() if node.path == options.node), None)
+    if node is None:
+        raise UsageError(f"--node {options.node}: there is no such node")
+    if options.into is not None and node.path.rpartition("/")[0] != options.into:
+        raise UsageError(f"--node {options.node}: is not in {options.into}")
+    makers = [
+        maker
+        for port in tf_ports(node).arrays
+        for source in node.sources(port)
+        for maker in model.nodes()
+        if maker.path == source.partition(".")[0]
+    ]
+    maker = makers[0] if makers else node
+    ports = tf_ports(maker).prims
+    if not ports:
+        raise UsageError(f"--node {options.node}: makes no frames of prims")
+    targets = options.targets or ()
+    if not targets:
+        raise UsageError("--node goes with --targets: name the prims that it gets")
+    for target in targets:
+        present_prim(target, model, "--targets")
+    parents = maker.targets(ports[0])
+    top = parents[0] if parents else ""
+    if options.parent is not None and options.parent != top:
+        raise UsageError(
+            f"--parent {options.parent}: {maker.path} has {top or 'no parent prim'}; add a graph "
+            "for another parent"
+        )
+    frame = frame_name(top, model) if top else editing.platform.world_frame
+    for target in targets:
+        if target == top or frame_name(target, model) == frame:
+            raise UsageError(f"{frame} would be its own parent: {target} below {top}")
+    there = maker.targets(ports[1])
+    new = tuple(target for target in targets if target not in there)
+    graph = maker.path.rpartition("/")[0]
+    shown = ", ".join(frame_name(target, model) for target in targets)
+    holes = (
+        Hole("targets", targets, "frames", shown, "given", "--targets"),
+        Hole("parent", top, "parent", frame, f"as {maker.path}", "--parent"),
+    )
+    if not new:
+        return Addition(request, graph, 0, holes=holes)
+    sent = {edge.child: edge.publisher for edge in all_edges(model)}
+    for target in new:
+        if frame_name(target, model) in sent:
+            name = frame_name(target, model)
+            raise UsageError(f"{sent[name]} sends the frame {name} already")
+    editing.edit([Retarget(maker.path, ports[1], (*there, *new))])
+    note = f"{len(new)} prims more in {maker.path}.{ports[1]}"
+    return Addition(request, graph, 0, extends=True, holes=holes, notes=(note,))
+
+
+@quiet()
+def check_added(added: Added, data: bytes, target: Path) -> None:
+    """Open and judge the bytes of an extended stage where they are going to stand.
+
+    Raises:
+        StageError: no stage can be opened from them there, or assets are missing there.
+        UsageError: nothing can be written there.
+    """
+    try:
+        temporary = temporary_beside(target, target.suffix)
+    except OSError as error:
+        raise unwritten(target, error) from error
+    try:
+        try:
+            temporary.write_bytes(data)
+        except OSError as error:
+            raise unwritten(target, error) from error
+        there, here = (
+            read_model(open_stage(path), lint_platform(), str(path))
+            for path in (temporary, added.path)
+        )
+        lost = {missing.asset for missing in there.unresolved}
+        lost -= {missing.asset for missing in here.unresolved}
+    finally:
+        temporary.unlink(missing_ok=True)
+    if lost:
+        raise StageError(
+            f"{target}: {', '.join(sorted(lost))} cannot be found from there; write it beside the "
+            "stage, or --layer FILE"
+        )

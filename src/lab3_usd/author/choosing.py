@@ -1,0 +1,174 @@
+"""Chooses the robot and the sensor that a request is about; asks where several could be meant."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Sequence
+
+from lab3_usd.author.request import Options
+from lab3_usd.errors import AmbiguousError, UsageError
+from lab3_usd.facts.articulations import articulations
+from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.facts.likely_names import did_you_mean, likely_name
+from lab3_usd.facts.robots import Robot, Sensor, robots, sensors
+from lab3_usd.facts.sensor_faults import faults_of
+from lab3_usd.isaac.recipes import Recipe
+from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel
+
+WHEELED = "wheels"
+
+
+def present_prim(path: str, stage: StageModel, option: str) -> Prim:
+    """Return the prim at a path that an option names.
+
+    Raises:
+        UsageError: there is none, or a missing asset may hold it.
+    """
+    prim = stage.prim(path) if path.startswith("/") else None
+    if prim is not None:
+        return prim
+    missing = stage.unknown(path)
+    if missing is not None:
+        raise UsageError(f"{option} {path}: {missing.asset} cannot be found, which could hold it")
+    near = likely_name(path, [prim.path for prim in stage.prims.values() if prim.present])
+    raise UsageError(f"{option} {path}: there is no such prim{did_you_mean(near)}")
+
+
+def choose_robot(stage: StageModel, options: Options, need: str = "") -> Robot:
+    """Return the robot that is named, or the only one that can be meant.
+
+    Raises:
+        AmbiguousError: there are several.
+        UsageError: there is none, or the prim that is named has no articulation.
+    """
+    if options.robot is not None:
+        return _named_robot(options.robot, stage)
+    known = [robot for robot in robots(stage) if robot.root]
+    fitting = [robot for robot in known if robot.wheels] if need == WHEELED else known
+    fitting = fitting or known
+    if len(fitting) == 1:
+        return fitting[0]
+    if fitting:
+        raise AmbiguousError("robot", [described(robot) for robot in fitting], "--robot")
+    missing = next(iter(stage.unresolved), None)
+    if missing is not None:
+        raise UsageError(
+            f"{missing.asset} cannot be found, which could hold a robot ({missing.prim})"
+        )
+    loose = next(iter(robots(stage)), None)
+    if loose is not None:
+        raise UsageError(
+            f"{loose.path} has no articulation root: apply Articulation Root to {loose.base}"
+        )
+    raise UsageError("there is no robot: no prim has an articulation root")
+
+
+def _named_robot(path: str, stage: StageModel) -> Robot:
+    present_prim(path, stage, "--robot")
+    roots = list(articulations(path, stage))
+    by_root = {robot.root: robot for robot in robots(stage) if robot.root}
+    if path in by_root:
+        return by_root[path]
+    if len(roots) > 1:
+        named = [described(by_root[root], root) for root in roots]
+        raise AmbiguousError("articulation root", named, "--robot")
+    if roots:
+        return by_root[roots[0]]
+    above = [robot for robot in by_root.values() if path in robot.links or path == robot.path]
+    if above:
+        return above[0]
+    missing = stage.unknown_below(path)
+    if missing is not None:
+        raise UsageError(
+            f"{path}: {missing.asset} cannot be found, which could hold the articulation"
+        )
+    raise UsageError(
+        f"--robot {path}: there is no articulation root at or below it; apply Articulation Root"
+    )
+
+
+def described(robot: Robot, path: str = "") -> str:
+    """Return a robot as a question lists it."""
+    count = len(robot.wheels)
+    wheels = f"{count} wheel{'s' * (count != 1)}"
+    what = wheels if count else f"{len(robot.joints)} joints"
+    return f"{path or robot.path} ({what})"
+
+
+def choose_sensor(recipe: Recipe, stage: StageModel, options: Options) -> Sensor:
+    """Return the sensor that is named, or the only one of the kind.
+
+    Raises:
+        AmbiguousError: there are several.
+        UsageError: there is none, or the prim that is named is no such sensor.
+    """
+    wanted = recipe.sensor
+    assert wanted is not None  # noqa: S101 - recipes that need a sensor say which
+    if options.prim is not None:
+        prim = present_prim(options.prim, stage, "--prim")
+        _check_sensor(prim, recipe, stage)
+        carrier = joined_bodies(stage).carrier(prim.path)
+        return Sensor(prim, recipe.kind, frame_name(prim.path, stage), carrier)
+    found = [sensor for sensor in sensors(stage) if sensor.kind == recipe.kind]
+    if options.robot is not None:
+        robot = _named_robot(options.robot, stage)
+        own = {sensor.prim.path for sensor in robot.sensors}
+        found = [
+            sensor
+            for sensor in found
+            if sensor.prim.path in own or is_at_or_below(sensor.prim.path, options.robot)
+        ]
+    if len(found) > 1:
+        raise AmbiguousError(recipe.kind, [sensor.prim.path for sensor in found], "--prim")
+    if not found:
+        missing = next(iter(stage.unresolved), None)
+        if missing is not None:
+            raise UsageError(
+                f"{missing.asset} cannot be found, which could hold a {recipe.kind} "
+                f"({missing.prim})"
+            )
+        raise UsageError(f"there is no {recipe.kind}: no prim of type {' or '.join(wanted.types)}")
+    _check_sensor(found[0].prim, recipe, stage)
+    return found[0]
+
+
+def _check_sensor(prim: Prim, recipe: Recipe, stage: StageModel) -> None:
+    wanted = recipe.sensor
+    if wanted is None:
+        return
+    if prim.type not in wanted.types:
+        raise UsageError(
+            f"{prim.path} is no {recipe.kind}: its type is '{prim.type}', expected "
+            f"{' or '.join(wanted.types)}"
+        )
+    if wanted.needs and wanted.needs not in prim.apis and stage.unknown(prim.path) is None:
+        raise UsageError(
+            f"{prim.path} is no {recipe.kind} that Isaac Sim can read: it lacks {wanted.needs}"
+        )
+    if wanted.inside:
+        carrier = joined_bodies(stage).carrier(prim.path)
+        holder = stage.prim(carrier) if carrier else None
+        if holder is None or wanted.inside not in holder.apis:
+            raise UsageError(f"{prim.path} stands in no rigid body, so that it measures nothing")
+
+
+def stopping_fault(prim: Prim, stage: StageModel, *, is_scan: bool) -> str:
+    """Return what keeps a sensor from giving anything, '' for nothing."""
+    faults = (fault for fault in faults_of(prim, stage) if fault.stops(is_scan=is_scan))
+    return next((fault.message for fault in faults), "")
+
+
+def choose_joints(robot: Robot, names: Sequence[str], known: Iterable[str]) -> None:
+    """Refuse a joint that a robot does not have.
+
+    Raises:
+        UsageError: there is none of this name.
+    """
+    have = list(known)
+    for name in names:
+        if name not in have:
+            near = did_you_mean(likely_name(name, have))
+            raise UsageError(
+                f"--joints {name}: {robot.path} has no such joint{near or ': ' + ', '.join(have)}"
+            )

@@ -1,0 +1,94 @@
+"""A stage that is being edited in memory, in its root layer alone."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.lint import lint
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.data import data_folder
+from lab3_usd.errors import StageError
+from lab3_usd.files import FileState, read_state
+from lab3_usd.fix.text_editor import new_bytes
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.changes import Edit
+from lab3_usd.model.finding import Finding, ordered
+from lab3_usd.model.stage import StageModel
+from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.edit.repairs import apply_edit
+from lab3_usd.stage.edit.session import EditSession
+from lab3_usd.stage.read.opening import check_file, open_stage
+from lab3_usd.stage.read.properties import release_start_values
+from lab3_usd.stage.read.reader import read_model
+
+_PACKAGE = ".usdz"
+
+
+def open_for_edits(path: Path) -> tuple[Any, FileState]:
+    """Open a stage whose root layer is going to be edited.
+
+    Raises:
+        StageError: it cannot be opened, or is a package.
+    """
+    if path.suffix.lower() == _PACKAGE:
+        raise StageError(
+            f"{path}: is a package, which is not edited; unpack it, or write --layer FILE beside it"
+        )
+    check_file(path)
+    try:
+        state = read_state(path)
+    except OSError as error:
+        raise StageError(f"{path}: cannot be read ({error.strerror})") from error
+    return open_stage(path), state
+
+
+class Editing(Struct, eq=False):
+    """An open stage to which graphs are added, in its root layer alone."""
+
+    path: Path
+    session: EditSession
+    platform: Platform
+    model: StageModel
+
+    @classmethod
+    def begin(cls, path: Path, stage: Any, release: str) -> Editing:
+        """Begin to edit an open stage.
+
+        Raises:
+            UsageError: the release is not known.
+        """
+        platform = lint_platform(release)
+        lab = replace(load_lab(data_folder("graphs")), platform=platform)
+        session = EditSession(stage, lab, lab.checkpoints[lab.first], root_only=True)
+        return cls(path, session, platform, read_model(stage, platform, str(path)))
+
+    def findings(self) -> tuple[Finding, ...]:
+        """Return what the linter finds now.
+
+        Raises:
+            StageError: a rule failed.
+        """
+        results = lint(LintSubject(self.model)).results
+        if results.crashes:
+            crash = results.crashes[0]
+            raise StageError(f"{self.path}: rule {crash.rule} failed: {crash.error}")
+        return tuple(ordered(results.findings))
+
+    def edit(self, edits: Sequence[Edit]) -> None:
+        """Make edits and read the stage again."""
+        release_start_values(self.session.stage)
+        for edit in edits:
+            apply_edit(self.session, edit)
+        self.model = read_model(self.session.stage, self.platform, str(self.path))
+
+    def new_root(self, state: FileState) -> bytes | None:
+        """Return the new bytes of the root layer, None where they are the old ones."""
+        edited = next(iter(self.session.edited.values()), None)
+        data = None if edited is None else new_bytes(edited, state.content)
+        return None if data == state.content else data

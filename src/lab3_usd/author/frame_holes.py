@@ -1,0 +1,105 @@
+"""Frames of links and prims, as recipes ask for them."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from lab3_usd.author.choosing import (
+    present_prim,
+)
+from lab3_usd.author.ros_holes import domain_holes, namespace_holes
+from lab3_usd.author.task import Hole, Task, robot_of_task
+from lab3_usd.errors import UsageError
+from lab3_usd.facts.domains import Domain, may_meet
+from lab3_usd.facts.endpoints import namespaces_above, resolve
+from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.frames import all_edges
+
+
+def chassis(task: Task) -> Iterator[Hole]:
+    """Yield the base that odometry is of, its frame, and the links whose frames come with it."""
+    robot, stage, options = robot_of_task(task), task.stage, task.options
+    natural = frame_name(robot.base, stage)
+    frame = options.frame or natural
+    source = "given" if options.frame else f"the name of {robot.base}"
+    yield Hole("base_frame", frame, "base", f"{frame}", source, "--frame")
+    if options.robot_tf is False:
+        yield Hole("link_frames", None)
+        return
+    links = [link for link in robot.links if link != robot.base]
+    if options.frame and options.frame != natural:
+        if options.robot_tf:
+            raise UsageError(
+                f"--frame {options.frame}: the links hang below {natural}, the name of "
+                f"{robot.base}; give isaac:nameOverride to that prim, or --no-robot-tf"
+            )
+        yield Hole("link_frames", None, "links", "none", f"they hang below {natural}", "--robot-tf")
+        return
+    sent = _sent_frames(task)
+    already = [link for link in links if frame_name(link, stage) in sent]
+    new = tuple(link for link in links if link not in already)
+    if already and options.robot_tf:
+        first = frame_name(already[0], stage)
+        raise UsageError(f"the frame {first} is sent already, by {sent[first]}; --no-robot-tf")
+    shown = ", ".join(frame_name(link, stage) for link in new) or "none"
+    source = f"below {natural}"
+    if already:
+        source = f"{len(already)} are sent already, by {sent[frame_name(already[0], stage)]}"
+    yield Hole("link_frames", new, "links", shown, source, "--robot-tf")
+
+
+def _sent_frames(task: Task) -> dict[str, str]:
+    """Return the frames that are sent already where a request would, each with its sender."""
+    wanted = {hole.name: hole.value for hole in namespace_holes(task)}
+    usual = task.recipe.usual
+    topic = usual.get("tf_topic") or usual.get("topic", "")
+    own = [value for _, value in namespaces_above(task.path, task.stage)]
+    space = wanted["tf_namespace"] or next(iter(own), "")
+    name = resolve(space, topic)
+    domain = _own_domain(task)
+    return {
+        edge.child: edge.publisher
+        for edge in all_edges(task.stage)
+        if edge.topic == name and may_meet(edge.domain, domain)
+    }
+
+
+def _own_domain(task: Task) -> Domain:
+    values = {hole.name: hole.value for hole in domain_holes(task)}
+    return Domain(str(values["domain"] or 0), values["domain_by_environment"] is not False)
+
+
+def frames(task: Task) -> Iterator[Hole]:
+    """Yield the prims whose frames are sent, and the one below which they hang."""
+    stage, options, robot = task.stage, task.options, task.robot
+    parent = options.parent
+    if parent is not None:
+        present_prim(parent, stage, "--parent")
+    if options.targets is not None:
+        targets = options.targets
+        if not targets:
+            raise UsageError("--targets: names no prim")
+        for target in targets:
+            present_prim(target, stage, "--targets")
+        source = "given"
+    elif robot is not None:
+        if parent is None and not robot.is_fixed:
+            parent = robot.base
+        targets = tuple(link for link in robot.links if link != parent)
+        source = f"the links of {robot.path}"
+    else:
+        targets, source = (), ""
+    top = frame_name(parent, stage) if parent else stage.platform.world_frame
+    for target in targets:
+        if target == parent or frame_name(target, stage) == top:
+            raise UsageError(
+                f"{frame_name(target, stage)} would be its own parent: {target} below {parent}"
+            )
+    shown = ", ".join(frame_name(target, stage) for target in targets)
+    yield Hole("targets", targets, "frames", shown, source, "--targets")
+    why = (
+        "given"
+        if options.parent
+        else (f"the base of {robot.path}" if parent and robot else "no prim")
+    )
+    yield Hole("parent", parent, "parent", top, why, "--parent")

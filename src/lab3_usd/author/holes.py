@@ -1,0 +1,88 @@
+"""Fills the holes of recipes with facts of a stage, and says what each rests on."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping
+
+from lab3_usd.author import frame_holes, joint_holes, ros_holes, sensor_holes, wheel_holes
+from lab3_usd.author.choosing import (
+    WHEELED,
+    choose_robot,
+    choose_sensor,
+)
+from lab3_usd.author.request import Options
+from lab3_usd.author.task import Hole, Task, leaf
+from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.robots import Robot, Sensor, robot_of
+from lab3_usd.isaac.recipes import Recipe
+from lab3_usd.model.stage import StageModel
+
+
+def subjects(
+    stage: StageModel, recipe: Recipe, options: Options
+) -> tuple[Robot | None, Sensor | None]:
+    """Return the robot and the sensor that a request is about.
+
+    Raises:
+        AmbiguousError: several can be meant.
+        UsageError: there is none.
+    """
+    if "sensor" in recipe.needs:
+        sensor = choose_sensor(recipe, stage, options)
+        return robot_of(sensor.prim.path, stage), sensor
+    if "robot" in recipe.needs:
+        is_rolling = bool({WHEELED, "steering", "rollers"} & {*recipe.needs})
+        return choose_robot(stage, options, WHEELED if is_rolling else ""), None
+    if "frames" in recipe.needs and options.targets is None and options.node is None:
+        return choose_robot(stage, options), None
+    if "frames" in recipe.needs and options.robot is not None:
+        return choose_robot(stage, options), None
+    return None, None
+
+
+def fill(task: Task) -> list[Hole]:
+    """Return what fills the holes of a recipe.
+
+    Raises:
+        UsageError: a fact is missing or several answers fit.
+    """
+    holes = [Hole(name, value) for name, value in task.recipe.usual.items()]
+    if task.robot is not None and "sensor" not in task.recipe.needs:
+        robot, option = task.robot, task.options.robot
+        source = (
+            f"root: {leaf(robot.root)}" if option else f"the only one (root: {leaf(robot.root)})"
+        )
+        holes += [
+            Hole("robot", robot.path, "robot", robot.path, source, "--robot"),
+            Hole("root", robot.root),
+            Hole("base", robot.base),
+            Hole("base_frame", frame_name(robot.base, task.stage)),
+        ]
+    for need in task.recipe.needs:
+        holes += _FILLERS[need](task)
+    return holes
+
+
+def _nothing(_: Task) -> Iterator[Hole]:
+    return iter(())
+
+
+_FILLERS: Mapping[str, Callable[[Task], Iterator[Hole]]] = {
+    "ros": ros_holes.ros,
+    "time": ros_holes.time,
+    "robot": _nothing,
+    "wheels": wheel_holes.wheels_and_keys,
+    "steering": wheel_holes.steering,
+    "rollers": wheel_holes.rollers,
+    "chassis": frame_holes.chassis,
+    "frames": frame_holes.frames,
+    "joint_topics": joint_holes.joint_topics,
+    "positions": joint_holes.positions,
+    "velocities": joint_holes.velocities,
+    "gripper": joint_holes.gripper,
+    "sensor": sensor_holes.sensor,
+    "outputs": sensor_holes.outputs,
+    "size": sensor_holes.size,
+    "metadata": sensor_holes.metadata,
+    "message": sensor_holes.message,
+}

@@ -1,0 +1,182 @@
+"""Removes graphs from a stage in memory, with the parents that hold nothing else."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec import Struct
+
+from lab3_usd.author.editing import Editing, open_for_edits
+from lab3_usd.author.request import Request, recipe_of
+from lab3_usd.errors import AmbiguousError, UsageError
+from lab3_usd.facts.endpoints import endpoints
+from lab3_usd.files import FileState
+from lab3_usd.isaac.node_types import NodeType
+from lab3_usd.isaac.recipes import Recipe
+from lab3_usd.isaac.topics import resolved_topic
+from lab3_usd.model.changes import DropPrim
+from lab3_usd.model.finding import Finding
+from lab3_usd.model.prims import is_at_or_below, upwards
+from lab3_usd.model.stage import GraphModel, StageModel
+from lab3_usd.stage.edit.added import added_prims, is_bare, is_in_root_alone, is_over
+from lab3_usd.stage.read.opening import quiet
+from lab3_usd.stage.read.properties import release_start_values
+
+
+class Removed(Struct, frozen=True):
+    """A stage without a graph: the prims that went, and the findings that came.
+
+    `graph` is the graph that went, or that lost nodes.
+    """
+
+    path: Path
+    graph: str
+    prims: tuple[str, ...]
+    new: tuple[Finding, ...]
+    state: FileState
+    data: bytes | None
+
+
+class Candidate(Struct, frozen=True):
+    """A graph, or the nodes that a recipe brought to one, which may be what is meant."""
+
+    graph: str
+    nodes: tuple[str, ...] = ()
+
+
+@quiet()
+def remove_graph(path: Path, request: Request, release: str) -> Removed:
+    """Remove what a recipe adds from a stage in memory; no file is written.
+
+    Raises:
+        AmbiguousError: several graphs can be meant.
+        UsageError: there is none, or it stands in another layer.
+        StageError: the stage cannot be opened or edited.
+    """
+    stage, state = open_for_edits(path)
+    editing = Editing.begin(path, stage, release)
+    try:
+        before = editing.findings()
+        chosen = _chosen(request, editing)
+        prims = _prims(chosen, editing)
+        editing.edit([DropPrim(prim) for prim in prims])
+        after = editing.findings()
+        data = editing.new_root(state)
+    finally:
+        release_start_values(stage)
+        editing.session.close()
+    known = {(f.rule, f.identity or f.prim, f.property) for f in before}
+    new = tuple(
+        finding
+        for finding in after
+        if finding.severity != "note"
+        and (finding.rule, finding.identity or finding.prim, finding.property) not in known
+    )
+    return Removed(path, chosen.graph, prims, new, state, data)
+
+
+def _chosen(request: Request, editing: Editing) -> Candidate:
+    model, options = editing.model, request.options
+    recipe = recipe_of(request.kind, editing.platform.recipes)
+    found = list(_candidates(recipe, editing))
+    named = options.graph or options.into
+    if named is not None:
+        found = [candidate for candidate in found if candidate.graph == named]
+    elif len(found) > 1:
+        found = [c for c in found if _is_about(c, request, model)] or found
+    if len(found) == 1:
+        return found[0]
+    if found:
+        raise AmbiguousError("graph", [candidate.graph for candidate in found], "--graph")
+    there = ", ".join(graph.path for graph in model.graphs) or "none"
+    where = f" at {named}" if named else ""
+    raise UsageError(f"there is no graph of the kind {recipe.kind}{where}; graphs: {there}")
+
+
+def _candidates(recipe: Recipe, editing: Editing) -> Iterator[Candidate]:
+    """Yield the graphs and nodes of a kind: brought by recipes or alike."""
+    form = editing.platform.graph
+    added = added_prims(editing.session.stage, form.type, form.node_type)
+    found = [Candidate(path) for path, kind in added.graphs.items() if kind == recipe.kind]
+    by_graph: dict[str, list[str]] = {}
+    for path, kind in added.nodes.items():
+        if kind == recipe.kind:
+            by_graph.setdefault(path.rpartition("/")[0], []).append(path)
+    found += [Candidate(graph, tuple(nodes)) for graph, nodes in by_graph.items()]
+    known = {candidate.graph for candidate in found} | set(added.graphs)
+    yield from found
+    for graph in editing.model.graphs:
+        if graph.path not in known and _does(graph, recipe, editing):
+            yield Candidate(graph.path)
+
+
+def _does(graph: GraphModel, recipe: Recipe, editing: Editing) -> bool:
+    """Whether a graph does what a recipe does, and no other recipe fits better."""
+    own = {node.type.type for node in graph.nodes if node.type is not None and _tells(node.type)}
+    if not own:
+        return False
+    sizes = {}
+    for other in editing.platform.recipes.values():
+        kinds = (editing.platform.types.get(node.type) for node in other.nodes.values())
+        telling = {kind.type for kind in kinds if kind is not None and _tells(kind)}
+        if own <= telling:
+            sizes[other.kind] = len(telling)
+    return sizes.get(recipe.kind) == min(sizes.values(), default=-1)
+
+
+def _tells(kind: NodeType) -> bool:
+    """Whether a type shows what a graph is for: it talks ROS, moves joints or makes frames."""
+    return bool(kind.role or kind.drives or kind.tf or kind.step_limits)
+
+
+def _is_about(candidate: Candidate, request: Request, model: StageModel) -> bool:
+    """Whether a graph is about the robot, sensor, prims and topics that a request names."""
+    options = request.options
+    graph = next(found for found in model.graphs if found.path == candidate.graph)
+    nodes = [n for n in graph.nodes if not candidate.nodes or n.path in candidate.nodes]
+    named = [path for node in nodes for state in node.ports.values() for path in state.targets]
+    topics = {end.topic for end in endpoints(model) if end.node in nodes}
+    tops = [top for top in (options.robot, options.prim, *(options.targets or ())) if top]
+    wanted = [any(is_at_or_below(path, top) for path in named) for top in tops]
+    given = options.topic
+    for topic in [given] if isinstance(given, str) else [*(given or {}).values()]:
+        space = options.namespace or ""
+        ends = resolved_topic(topic, space)
+        wanted.append(any(name == ends or (name or "").endswith(ends) for name in topics))
+    return all(wanted)
+
+
+def _prims(candidate: Candidate, editing: Editing) -> tuple[str, ...]:
+    """Return the prims that go: the graph and its empty parents, or nodes.
+
+    Raises:
+        UsageError: another layer has them.
+    """
+    stage = editing.session.stage
+    prims = candidate.nodes or (candidate.graph,)
+    for path in prims:
+        if not is_in_root_alone(stage, path):
+            raise UsageError(
+                f"{path} is not in {editing.path.name} alone: remove it in the file that defines it"
+            )
+    return prims if candidate.nodes else (_highest(candidate.graph, editing),)
+
+
+def _highest(path: str, editing: Editing) -> str:
+    """Return the highest prim that holds nothing but a graph."""
+    form = editing.platform.graph
+    added = added_prims(editing.session.stage, form.type, form.node_type)
+    is_ours = path in added.graphs
+    top = path
+    for parent in upwards(path.rpartition("/")[0]):
+        is_ours_or_over = parent in added.parents or is_over(editing.session.stage, parent)
+        is_removable = is_ours_or_over or not is_ours
+        if not is_removable or not is_bare(editing.session.stage, parent, _leaf(top)):
+            break
+        top = parent
+    return top
+
+
+def _leaf(path: str) -> str:
+    return path.rpartition("/")[2]

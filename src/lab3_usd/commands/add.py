@@ -1,0 +1,341 @@
+"""`lab3 add`: add ROS 2 graphs for the robots and sensors of any stage."""
+
+from __future__ import annotations
+
+import json
+import sys
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from lab3_usd.commands.shared.options import (
+    assets_option,
+    given_words,
+    text_or_json,
+    use_config,
+    width,
+)
+from lab3_usd.commands.shared.requests import kind_and_stage, request_of, request_options
+from lab3_usd.commands.shared.writing import check_ways, diffs, replaced, shown, writing_options
+from lab3_usd.data import program
+from lab3_usd.errors import UsageError
+from lab3_usd.files import refuse_existing, refuse_shared, temporary_beside, write_whole
+from lab3_usd.installation import command_line
+
+if TYPE_CHECKING:
+    from lab3_usd.author.adding import Added, Addition, AddOptions
+    from lab3_usd.author.request import Request
+    from lab3_usd.model.finding import Finding
+
+_KINDS = """\b
+Kinds:
+  clock         simulation time on /clock
+  drive         /cmd_vel to wheels left and right, two or more
+  ackermann     steering commands to a car
+  holonomic     /cmd_vel to wheels with rollers
+  odometry      where the robot is, and the frames of its links
+  tf            the frames of links, or of --targets
+  joints        joint states; --commands takes commands
+  camera        pictures and camera info; --publish chooses
+  lidar         a laser scan, a point cloud
+  imu           accelerations and turning
+  publisher     one value of std_msgs
+  differential  wheels without ROS; --keyboard drives with WASD
+  position      joints of an arm at positions, without ROS
+  velocity      joints at speeds, without ROS
+  gripper       fingers that open and close, without ROS"""
+_LABEL, _WIDEST, _NARROWEST = 10, 34, 60  # columns of the text
+
+
+@click.command("add")
+@click.argument("words", nargs=-1, required=True, metavar="KIND STAGE")
+@click.option(
+    "--file",
+    "requests",
+    type=click.Path(path_type=Path),
+    help="Add what this YAML file lists instead of KIND; replace what differs.",
+)
+@request_options
+@click.option("--replace", is_flag=True, help="Make a graph new that has other values.")
+@writing_options("extended")
+@click.option(
+    "--layer",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write a layer over the stage with the graphs alone.",
+)
+@click.option("--force", is_flag=True, help="Write in spite of findings; replace any file.")
+@click.option("--check-drive", is_flag=True, help="Play the result and judge its messages.")
+@click.option("--isaac", "release", metavar="RELEASE", help="For this release of Isaac Sim.")
+@text_or_json
+@assets_option
+def command(words: tuple[str, ...], **options: Any) -> None:
+    """Add Action Graphs for ROS 2 to any stage.
+
+    Robot, wheels, sizes, frames and names come from the stage; each line says what from, and which
+    option changes it. The result is only shown unless --in-place, --output or --layer writes it.
+
+    Exit status: 0 done, shown, or nothing to add; 1 the result would have new findings, or with
+    --diff a change; 2 refused.
+    """
+    from lab3_usd.author.adding import AddOptions
+    from lab3_usd.author.request import Request, requests_of_file
+    from lab3_usd.isaac.releases import BASE
+
+    kind, stage = kind_and_stage(words, has_file=options["requests"] is not None)
+    check_ways([stage], options)
+    use_config(stage, options["assets"])
+    if kind:
+        requests = [Request(kind, request_of(options))]
+    else:
+        requests = requests_of_file(options["requests"])
+    settings = AddOptions(
+        options["release"] or BASE,
+        force=options["force"],
+        replaces=options["replace"] or not kind,
+    )
+    try:
+        if options["layer"] is not None:
+            status = _add_layer(stage, requests, settings, options)
+        else:
+            status = _add(stage, requests, settings, options)
+    except UsageError as error:
+        raise UsageError(f"{shown(stage)}: {error}") from error
+    sys.exit(status)
+
+
+command.help = f"{command.help}\n\n{_KINDS}"
+
+
+def _add(
+    stage: Path, requests: Sequence[Request], settings: AddOptions, options: dict[str, Any]
+) -> int:
+    from lab3_usd.author.adding import add_graphs, check_added
+
+    added = add_graphs(stage, requests, settings)
+    files = {} if added.data is None else {stage: added.data}
+    if options["diff"]:
+        for line in diffs(files, {stage: added.state}):
+            click.echo(line, nl=False)
+        return 1 if files else 0
+    is_refused = bool(added.new) and not settings.force
+    wants = options["output"] or options["in_place"]
+    written: Path | None = None
+    lines: list[str] = []
+    if wants and not is_refused and (files or options["output"]):
+        target = options["output"] or stage
+        if options["output"]:
+            refuse_existing(target, force=options["force"])
+        elif not options["force"]:
+            refuse_shared(stage)
+        data = added.state.content if added.data is None else added.data
+        check_added(added, data, target)
+        if options["output"]:
+            write_whole(target, data, force=options["force"])
+            lines.append(f"written: {shown(target)}")
+        else:
+            lines += replaced(
+                files, {stage: added.state}, keep=not options["no_orig"], first_alone=True
+            )
+        written = target
+    return _report(added, options, written, lines, shown(stage))
+
+
+def _add_layer(
+    stage: Path, requests: Sequence[Request], settings: AddOptions, options: dict[str, Any]
+) -> int:
+    """Write a layer over the stage; one that is there already is extended.
+
+    Raises:
+        UsageError: the file is something else, or cannot be written.
+    """
+    from lab3_usd.author.adding import add_graphs
+    from lab3_usd.stage.edit.added import layer_over, sublayers
+    from lab3_usd.stage.read.opening import ENDINGS
+
+    target: Path = options["layer"]
+    if target.suffix.lower() not in ENDINGS[:-1]:
+        raise UsageError(f"--layer {target}: a layer ends in {', '.join(ENDINGS[:-1])}")
+    if target.exists():
+        if stage.resolve() not in [path.resolve() for path in sublayers(target)]:
+            raise UsageError(f"--layer {target}: is another file, and no layer over {stage}")
+        content: bytes | None = target.read_bytes()
+    else:
+        content = None
+    try:
+        temporary = temporary_beside(target, ".usda")
+    except OSError as error:
+        raise UsageError(f"--layer {target}: cannot be written ({error.strerror})") from error
+    try:
+        temporary.write_bytes(content or layer_over(stage, target).encode())
+        added = add_graphs(temporary, requests, settings)
+    finally:
+        temporary.unlink(missing_ok=True)
+    lines: list[str] = []
+    is_refused = bool(added.new) and not settings.force
+    written = None
+    if not is_refused and added.data is not None:
+        write_whole(target, added.data, force=content is not None)
+        lines.append(f"written: {shown(target)}, over {shown(stage)}")
+        written = target
+    return _report(added, options, written, lines, shown(target))
+
+
+def _report(
+    added: Added, options: dict[str, Any], written: Path | None, lines: Sequence[str], name: str
+) -> int:
+    is_refused = bool(added.new) and not options["force"]
+    if options["form"] == "json":
+        click.echo(_as_json(added, written))
+    else:
+        for line in _text(added, name, is_written=written is not None):
+            click.echo(line)
+        for line in lines:
+            click.echo(line)
+        if is_refused:
+            click.echo(
+                "nothing is written: the new findings are above; --force writes all the same"
+            )
+        elif added.data is not None and written is None:
+            words = command_line(*_call(), "--in-place")
+            click.echo(f"to write: {words}")
+    status = 1 if is_refused else 0
+    if options["check_drive"] and not is_refused:
+        status = max(status, _played(added, prints=options["form"] == "text"))
+    return status
+
+
+def _call() -> tuple[str, ...]:
+    context = click.get_current_context()
+    words = context.params["words"]
+    return (program(), str(context.command.name), *words, *given_words(context))
+
+
+def _text(added: Added, name: str, *, is_written: bool) -> Iterator[str]:
+    holes = [hole for addition in added.additions for hole in addition.holes]
+    columns = _columns([(hole.label, hole.shown, hole.source) for hole in holes])
+    for addition in added.additions:
+        yield f"{name}: {_headline(addition, is_written=is_written)}"
+        for hole in addition.holes:
+            yield from _row(columns, hole.label, hole.shown, hole.source, hole.option)
+        for note in addition.notes:
+            yield from _row(columns, "note", note)
+    if not (added.awaited or added.new):
+        yield from _row(columns, "lint", "no new finding")
+    for finding, how in added.awaited:
+        yield from _row(columns, "lint", f"{_line(finding)}; {how}")
+    for finding in added.new:
+        yield from _row(columns, "lint", f"new {finding.severity} {_line(finding)}")
+
+
+def _columns(rows: Sequence[tuple[str, str, str]]) -> tuple[int, int, int]:
+    """Return how wide labels, values and sources are, without the longest of them."""
+    labels, values, sources = (
+        (
+            [len(text) for text in column if len(text) <= _WIDEST]
+            for column in zip(*rows, strict=True)
+        )
+        if rows
+        else ([], [], [])
+    )
+    return (
+        max([_LABEL, *(size + 2 for size in labels)]),
+        max(values, default=0),
+        max(sources, default=0),
+    )
+
+
+def _headline(addition: Addition, *, is_written: bool) -> str:
+    if addition.is_there:
+        return f"nothing to add, {addition.graph} does it"
+    count = f"{addition.nodes} node{'s' * (addition.nodes != 1)}"
+    if addition.replaced:
+        verb = "replaced" if is_written else "would replace"
+        return f"{verb} {addition.replaced} by {addition.graph}, {count}"
+    if addition.extends:
+        verb = "extended" if is_written else "would extend"
+        return f"{verb} {addition.graph}, {count} more"
+    return f"{'added' if is_written else 'would add'} {addition.graph}, {count}"
+
+
+def _row(
+    columns: tuple[int, int, int], label: str, value: str, source: str = "", option: str = ""
+) -> Iterator[str]:
+    """Yield a fact in columns: what it is, what it rests on, and which option changes it."""
+    from lab3_usd.report.safe_text import folded, visible
+
+    first, second, third = columns
+    start = f"  {label:<{first}}"
+    rest = " " * len(start)
+    line = f"{start}{value:<{second}}  {source:<{third}}  {option}".rstrip()
+    if source and len(line) <= max(width(), _NARROWEST):
+        yield visible(line)
+        return
+    yield from folded(visible(value), max(width(), _NARROWEST), start, rest)
+    if source:
+        yield visible(f"{rest}{'':<{second}}  {source:<{third}}  {option}".rstrip())
+
+
+def _line(finding: Finding) -> str:
+    site = finding.prim + (f".{finding.property}" if finding.property else "")
+    return f"{finding.rule} {site}: {finding.message}"
+
+
+def _as_json(added: Added, written: Path | None) -> str:
+    def finding(entry: Finding, how: str = "") -> dict[str, str]:
+        said = {
+            "rule": entry.rule,
+            "severity": entry.severity,
+            "prim": entry.prim,
+            "message": entry.message,
+        }
+        return {**said, "resolved_by": how} if how else said
+
+    document = {
+        "stage": str(added.path),
+        "written": None if written is None else str(written),
+        "changed": added.data is not None,
+        "additions": [
+            {
+                "kind": addition.request.kind,
+                "graph": addition.graph,
+                "nodes": addition.nodes,
+                "state": "there" if addition.is_there else "extends" if addition.extends else "new",
+                "replaced": addition.replaced or None,
+                "facts": [
+                    {"name": h.label, "value": h.shown, "source": h.source, "option": h.option}
+                    for h in addition.holes
+                ],
+                "notes": list(addition.notes),
+            }
+            for addition in added.additions
+        ],
+        "awaited": [finding(*entry) for entry in added.awaited],
+        "findings": [finding(entry) for entry in added.new],
+    }
+    return json.dumps(document, indent=2, ensure_ascii=False)
+
+
+def _played(added: Added, *, prints: bool) -> int:
+    """Play the result as `lab3 sim` does, print its verdicts, and return its exit status."""
+    from lab3_usd.sim.dry_run import dry_run
+    from lab3_usd.spec.load.loader import load_lab
+
+    temporary = temporary_beside(added.path, added.path.suffix)
+    try:
+        temporary.write_bytes(added.state.content if added.data is None else added.data)
+        checks = dry_run(temporary, load_lab(), "").behaviour.checks
+    finally:
+        temporary.unlink(missing_ok=True)
+    bad = [check for check in checks if check.verdict != "ok"]
+    if prints:
+        count = f"{len(checks)} checks, {len(checks) - len(bad)} ok"
+        for line in _row(_columns([]), "play", count if checks else "nothing to judge"):
+            click.echo(line)
+        for check in bad:
+            told = f"{check.verdict} {check.name}: {check.text}"
+            for line in _row(_columns([]), "play", told):
+                click.echo(line)
+    return 1 if bad else 0

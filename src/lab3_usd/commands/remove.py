@@ -1,0 +1,100 @@
+"""`lab3 remove`: remove what `lab3 add` adds."""
+
+from __future__ import annotations
+
+import json
+import sys
+from typing import Any
+
+import click
+
+from lab3_usd.commands.shared.options import (
+    assets_option,
+    given_words,
+    text_or_json,
+    use_config,
+)
+from lab3_usd.commands.shared.requests import kind_and_stage, request_of, request_options
+from lab3_usd.commands.shared.writing import check_ways, diffs, replaced, shown, writing_options
+from lab3_usd.data import program
+from lab3_usd.errors import UsageError
+from lab3_usd.files import refuse_existing, refuse_shared, write_whole
+from lab3_usd.installation import command_line
+
+
+@click.command("remove")
+@click.argument("words", nargs=-1, required=True, metavar="KIND STAGE")
+@request_options
+@writing_options("remaining")
+@click.option("--force", is_flag=True, help="Write in spite of new errors; replace any file.")
+@click.option("--isaac", "release", metavar="RELEASE", help="Judge by this release of Isaac Sim.")
+@text_or_json
+@assets_option
+def command(words: tuple[str, ...], **options: Any) -> None:
+    """Remove a graph that lab3 add added, or one that does the same.
+
+    The graph goes, and the parents that were added with it; of a graph that was extended, the new
+    nodes. A text stage is then as it was, to the byte. The options choose one of several graphs.
+
+    Exit status: 0 done or shown, 1 the result would have new errors, or with --diff a change, 2
+    refused.
+    """
+    from lab3_usd.author.removing import remove_graph
+    from lab3_usd.author.request import Request
+    from lab3_usd.isaac.releases import BASE
+
+    kind, stage = kind_and_stage(words, has_file=False)
+    check_ways([stage], options)
+    use_config(stage, options["assets"])
+    try:
+        request = Request(kind, request_of(options))
+        removed = remove_graph(stage, request, options["release"] or BASE)
+        files = {} if removed.data is None else {stage: removed.data}
+        if options["diff"]:
+            for line in diffs(files, {stage: removed.state}):
+                click.echo(line, nl=False)
+            sys.exit(1 if files else 0)
+        errors = [finding for finding in removed.new if finding.severity == "error"]
+        is_refused = bool(errors) and not options["force"]
+        lines: list[str] = []
+        is_written = bool(files) and not is_refused and (options["output"] or options["in_place"])
+        if is_written and options["output"]:
+            refuse_existing(options["output"], force=options["force"])
+            write_whole(options["output"], files[stage], force=options["force"])
+            lines.append(f"written: {shown(options['output'])}")
+        elif is_written:
+            if not options["force"]:
+                refuse_shared(stage)
+            lines += replaced(
+                files, {stage: removed.state}, keep=not options["no_orig"], first_alone=True
+            )
+    except UsageError as error:
+        raise UsageError(f"{shown(stage)}: {error}") from error
+    if options["form"] == "json":
+        document = {
+            "stage": str(stage),
+            "graph": removed.graph,
+            "removed": list(removed.prims),
+            "written": bool(is_written),
+            "findings": [
+                {"rule": f.rule, "severity": f.severity, "prim": f.prim, "message": f.message}
+                for f in removed.new
+            ],
+        }
+        click.echo(json.dumps(document, indent=2, ensure_ascii=False))
+        sys.exit(1 if is_refused else 0)
+    verb = "removed" if is_written else "would remove"
+    click.echo(f"{shown(stage)}: {verb} {', '.join(removed.prims)}")
+    for finding in removed.new:
+        click.echo(
+            f"  lint      new {finding.severity} {finding.rule} {finding.prim}: {finding.message}"
+        )
+    for line in lines:
+        click.echo(line)
+    if is_refused:
+        click.echo("nothing is written: the new errors are above; --force writes all the same")
+    elif not is_written:
+        context = click.get_current_context()
+        call = (program(), "remove", *words, *given_words(context), "--in-place")
+        click.echo(f"to write: {command_line(*call)}")
+    sys.exit(1 if is_refused else 0)

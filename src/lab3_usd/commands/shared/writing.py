@@ -1,0 +1,118 @@
+"""How commands that edit a stage write it: shown, as a diff, in place, elsewhere."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterator, Mapping, Sequence
+from pathlib import Path
+from typing import Any
+
+import click
+
+from lab3_usd import features
+from lab3_usd.commands.shared.options import Option, all_of
+from lab3_usd.errors import Lab3Error, UsageError
+from lab3_usd.files import FileState, keep_original, lines_of, replace_files
+from lab3_usd.fix.patch import patch
+from lab3_usd.report.safe_text import visible
+
+_TEXT = b"#usda"
+_DIFF, _OUTPUT, _IN_PLACE = "diff", "output", "in_place"
+
+
+def writing_options(what: str) -> Option:
+    """Return the options that say where an edited stage goes; `what` is what it is then."""
+    return all_of(
+        click.option("--diff", is_flag=True, help="Print the changes, and write nothing."),
+        click.option(
+            "--output",
+            "-o",
+            type=click.Path(path_type=Path),
+            help=f"Write the {what} stage here.",
+        ),
+        click.option(
+            "--in-place", is_flag=True, help="Replace the file; keep the old one as NAME.orig."
+        ),
+        click.option("--no-orig", is_flag=True, help="With --in-place: keep no NAME.orig."),
+    )
+
+
+def check_ways(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
+    """Refuse ways of writing that exclude each other.
+
+    Raises:
+        UsageError: they do, or the output cannot be one of the stages.
+    """
+    ways = [name for name in (_DIFF, _OUTPUT, _IN_PLACE, "layer") if options.get(name)]
+    if len(ways) > 1:
+        names = [f"--{name.replace('_', '-')}" for name in ways]
+        raise UsageError(f"{', '.join(names[:-1])} and {names[-1]} exclude each other")
+    output = options[_OUTPUT]
+    if output is None:
+        return
+    if len(stages) > 1:
+        raise UsageError("--output goes with one stage; use --in-place")
+    if output.suffix.lower() != stages[0].suffix.lower():
+        raise UsageError(f"{output}: must end in {stages[0].suffix}, as the stage does")
+    if output.exists() and output.samefile(stages[0]):
+        raise UsageError(f"{output}: is the stage itself; use --in-place")
+
+
+def diffs(files: Mapping[Path, bytes], states: Mapping[Path, FileState]) -> Iterator[str]:
+    """Yield a unified diff of each text file, and the differences of the others as stages."""
+    for path, data in files.items():
+        old = states[path].content
+        if not data.startswith(_TEXT):
+            yield from (f"{line}\n" for line in features.changes_to(path, data))
+            continue
+        before, after = (lines_of(content.decode()) for content in (old, data))
+        names = _name_in_patch("a", path), _name_in_patch("b", path)
+        for line in patch(before, after, *names):
+            yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
+
+
+def _name_in_patch(side: str, path: Path) -> str:
+    """Return the name of a file as git writes it: quoted, or with a tab behind one with a space."""
+    name = f"{side}/{Path(os.path.relpath(path)).as_posix()}"
+    if name.isprintable() and not {'"', "\\"} & {*name}:
+        return f"{name}\t" if " " in name else name
+    letters = (
+        f"\\{byte:03o}" if byte < ord(" ") or byte > ord("~") or byte in b'"\\' else chr(byte)
+        for byte in os.fsencode(name)
+    )
+    return f'"{"".join(letters)}"'
+
+
+def replaced(
+    files: Mapping[Path, bytes],
+    states: Mapping[Path, FileState],
+    *,
+    keep: bool,
+    first_alone: bool = False,
+) -> Iterator[str]:
+    """Replace files, all of them or none, and yield a line about each.
+
+    With `first_alone` what is replaced is kept where no NAME.orig is there yet: it holds the stage
+    as it was before the first of several commands.
+
+    Raises:
+        UsageError: one was changed meanwhile, or cannot be written.
+    """
+    originals: dict[Path, Path] = {}
+    try:
+        for path in files if keep else ():
+            if not (first_alone and path.with_name(f"{path.name}.orig").exists()):
+                originals[path] = keep_original(path, states[path].content)
+        replace_files(files, states)
+    except Lab3Error:
+        for original in originals.values():
+            original.unlink(missing_ok=True)
+        raise
+    for path in files:
+        kept = f", the old one is {shown(originals[path])}" if path in originals else ""
+        yield f"written: {shown(path)}{kept}"
+
+
+def shown(path: Path) -> str:
+    """Return a path as a terminal shows it."""
+    return visible(os.path.relpath(path) if path.is_absolute() else str(path))

@@ -1,0 +1,359 @@
+"""`lab3 add` fills recipes with what a stage says, asks the rest, and proves the result."""
+
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import pytest
+from bare_robots import ROVER, add_lidar, add_rover, new_stage, rover_at
+from in_process import lab3
+from invoking import invoke
+from pxr import Sdf, Usd, UsdGeom
+
+from lab3_usd.author.adding import Added, AddOptions, add_graphs
+from lab3_usd.author.request import Options, Request
+from lab3_usd.errors import AmbiguousError, UsageError
+from lab3_usd.isaac.releases import BASE
+from lab3_usd.pipeline.lint import lint_stage
+
+
+def add(
+    path: Path, recipe: str, *, force: bool = False, replaces: bool = False, **options: object
+) -> Added:
+    settings = AddOptions(BASE, force=force, replaces=replaces)
+    return add_graphs(path, [Request(recipe, Options(**options))], settings)  # type: ignore[arg-type]
+
+
+def written(path: Path, recipe: str, **options: object) -> Usd.Stage:
+    added = add(path, recipe, **options)
+    assert added.data is not None
+    return held(path, added.data)
+
+
+def held(path: Path, data: bytes) -> Usd.Stage:
+    """Write a file and open it, whatever usd-core still has of it."""
+    path.write_bytes(data)
+    stage = Usd.Stage.Open(str(path))
+    stage.Reload()
+    return stage
+
+
+def bot(tmp_path: Path, **settings: object) -> Path:
+    path = tmp_path / "bot.usda"
+    stage = new_stage(path)
+    add_rover(stage, **settings)  # type: ignore[arg-type]
+    stage.Save()
+    return path
+
+
+def value(stage: Usd.Stage, path: str) -> object:
+    got = stage.GetAttributeAtPath(path).Get()
+    return list(got) if hasattr(got, "__iter__") and not isinstance(got, str) else got
+
+
+def refusal(path: Path, recipe: str, **options: object) -> str:
+    with pytest.raises(UsageError) as error:
+        add(path, recipe, **options)
+    return str(error.value)
+
+
+DRIVE = "/World/Graphs/Drive"
+
+
+def test_the_drive_has_the_sizes_that_were_measured(tmp_path: Path) -> None:
+    stage = written(bot(tmp_path, radius=0.07, distance=0.44), "drive")
+    assert value(stage, f"{DRIVE}/differential_controller.inputs:wheelRadius") == 0.07
+    assert value(stage, f"{DRIVE}/differential_controller.inputs:wheelDistance") == 0.44
+
+
+def test_a_joint_is_left_by_its_place(tmp_path: Path) -> None:
+    stage = written(bot(tmp_path, names=("right", "left")), "drive")
+    names = value(stage, f"{DRIVE}/articulation_controller.inputs:jointNames")
+    assert names == ["right_joint", "left_joint"]
+
+
+def test_each_pair_of_four_wheels_has_a_controller(tmp_path: Path) -> None:
+    stage = written(bot(tmp_path, rows=(0.2, -0.2)), "drive")
+    names = [
+        value(stage, f"{DRIVE}/{controller}.inputs:jointNames")
+        for controller in ("articulation_controller", "articulation_controller_01")
+    ]
+    assert names == [["left_joint", "right_joint"], ["left_joint1", "right_joint1"]]
+
+
+def test_three_commands_make_a_rover_drive_and_the_linter_silent(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    for kind in ("clock", "drive", "odometry"):
+        assert invoke("add", kind, path, "--in-place").exit_code == 0
+    assert [f.rule for f in lint_stage(path).findings if f.severity != "note"] == []
+    answer = invoke("sim", path)
+    assert answer.exit_code == 0, answer.output
+    assert " 0 bad" in answer.output
+
+
+def test_nothing_is_written_unless_asked_for(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    answer = invoke("add", "clock", path)
+    assert "would add" in answer.output
+    assert path.read_bytes() == ROVER.read_bytes()
+    assert [file.name for file in tmp_path.iterdir()] == ["rover.usda"]
+
+
+def test_the_same_again_adds_nothing(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    written(path, "drive")
+    again = add(path, "drive")
+    assert (again.data, again.additions[0].graph) == (None, DRIVE)
+
+
+def test_other_values_are_named_and_replaced_only_when_asked(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    written(path, "drive")
+    assert "wheelRadius is 0.1, asked 0.2" in refusal(path, "drive", radius=0.2)
+    replaced = add(path, "drive", replaces=True, radius=0.2)
+    assert replaced.data is not None
+    stage = held(path, replaced.data)
+    assert value(stage, f"{DRIVE}/differential_controller.inputs:wheelRadius") == 0.2
+
+
+def test_a_second_publisher_of_a_topic_is_refused_with_the_first(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    written(path, "odometry")
+    text = refusal(path, "publisher", topic="/odom", kind="bool")
+    assert "/World/Graphs/Odometry/ros2_publish_odometry" in text
+
+
+def test_a_second_controller_of_a_wheel_is_refused_with_the_first(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    written(path, "drive")
+    assert f"{DRIVE}/articulation_controller" in refusal(path, "differential")
+
+
+def test_frames_that_are_sent_already_are_left_out_of_odometry(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    written(path, "tf")
+    stage = written(path, "odometry")
+    assert not stage.GetPrimAtPath("/World/Graphs/Odometry/publish_link_frames")
+    assert "sent already" in refusal(rover_with_tf(tmp_path), "odometry", robot_tf=True)
+
+
+def rover_with_tf(folder: Path) -> Path:
+    path = rover_at(folder, "with_tf.usda")
+    written(path, "tf")
+    return path
+
+
+def test_several_robots_are_asked_about(tmp_path: Path) -> None:
+    stage = new_stage(tmp_path / "two.usda")
+    add_rover(stage, "/World/alpha")
+    add_rover(stage, "/World/beta")
+    stage.Save()
+    with pytest.raises(AmbiguousError) as error:
+        add(tmp_path / "two.usda", "drive")
+    assert error.value.candidates == ("/World/alpha (2 wheels)", "/World/beta (2 wheels)")
+    assert add(tmp_path / "two.usda", "drive", robot="/World/beta").additions[0].graph == DRIVE
+
+
+def test_wheels_of_unequal_size_are_asked_about(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    UsdGeom.Cylinder.Get(stage, "/World/Bot/right_wheel/collider").GetRadiusAttr().Set(0.06)
+    stage.Save()
+    text = refusal(path, "drive")
+    assert "0.05 m" in text
+    assert "0.06 m" in text
+    assert "--radius" in text
+    assert add(path, "drive", radius=0.05, force=True).data is not None
+
+
+def test_a_wheel_that_a_spring_holds_is_refused(tmp_path: Path) -> None:
+    text = refusal(bot(tmp_path, gains=(1000.0, 100.0)), "drive")
+    assert "stiffness" in text
+
+
+def test_a_joint_that_is_misspelt_is_refused_with_the_right_name(tmp_path: Path) -> None:
+    text = refusal(bot(tmp_path), "drive", joints=("left_joint", "rigth_joint"))
+    assert "rigth_joint" in text
+    assert "right_joint" in text
+
+
+@pytest.mark.parametrize("topic", ["", "/9lives", "/cmd vel", "/a//b"])
+def test_a_topic_that_is_none_is_refused(tmp_path: Path, topic: str) -> None:
+    assert "topic" in refusal(bot(tmp_path), "drive", topic=topic)
+
+
+def test_a_path_that_is_taken_is_refused(tmp_path: Path) -> None:
+    assert "/World/Bot" in refusal(bot(tmp_path), "clock", graph="/World/Bot")
+
+
+def test_no_graph_goes_below_an_instance(tmp_path: Path) -> None:
+    asset, path = tmp_path / "asset.usda", tmp_path / "scene.usda"
+    part = Usd.Stage.CreateNew(str(asset))
+    UsdGeom.SetStageMetersPerUnit(part, 1.0)
+    part.SetDefaultPrim(UsdGeom.Xform.Define(part, "/Bot").GetPrim())
+    add_rover(part, "/Bot")
+    part.Save()
+    stage = new_stage(path)
+    prim = UsdGeom.Xform.Define(stage, "/World/Bot1").GetPrim()
+    prim.GetReferences().AddReference("./asset.usda")
+    prim.SetInstanceable(instanceable=True)
+    stage.Save()
+    del stage, part, prim
+    assert "instance" in refusal(path, "drive", graph="/World/Bot1/Drive")
+    assert (
+        value(written(path, "drive"), f"{DRIVE}/differential_controller.inputs:wheelRadius") == 0.05
+    )
+
+
+def test_a_robot_in_a_missing_file_is_not_guessed(tmp_path: Path) -> None:
+    stage = new_stage(tmp_path / "scene.usda")
+    prim = UsdGeom.Xform.Define(stage, "/World/Bot1").GetPrim()
+    prim.GetReferences().AddReference("./gone.usda")
+    stage.Save()
+    assert "gone.usda" in refusal(tmp_path / "scene.usda", "drive")
+
+
+def test_the_namespace_of_the_robot_is_written_into_its_nodes(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    prim = stage.GetPrimAtPath("/World/Bot")
+    prim.CreateAttribute("isaac:namespace", Sdf.ValueTypeNames.String).Set("bot1")
+    stage.Save()
+    del stage, prim
+    extended = written(path, "drive")
+    assert value(extended, f"{DRIVE}/ros2_subscribe_twist.inputs:nodeNamespace") == "bot1"
+
+
+def test_the_domain_of_the_clock_is_taken(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    written(path, "clock", domain=7)
+    extended = written(path, "drive")
+    assert value(extended, f"{DRIVE}/ros2_context.inputs:domain_id") == 7
+    assert value(extended, f"{DRIVE}/ros2_context.inputs:useDomainIDEnvVar") is False
+
+
+def test_a_graph_that_is_extended_keeps_its_tick_and_context(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    written(path, "clock", graph="/World/Ros")
+    stage = written(path, "odometry", into="/World/Ros")
+    ticks = [
+        str(prim.GetPath())
+        for prim in stage.Traverse()
+        if prim.GetName().startswith(("on_playback_tick", "ros2_context"))
+    ]
+    assert ticks == ["/World/Ros/on_playback_tick", "/World/Ros/ros2_context"]
+
+
+def test_a_lidar_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    add_lidar(stage, "/World/Bot/base/laser", with_api=False)
+    stage.Save()
+    assert "OmniSensorGenericLidarCoreAPI" in refusal(path, "lidar")
+
+
+def test_each_picture_with_labels_has_a_topic_for_them(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    wanted = ("semantic_segmentation", "bbox_3d")
+    stage = written(path, "camera", publish=wanted)
+    labels = [
+        value(
+            stage, f"/World/Graphs/Camera/ros2_camera_helper_{name}.inputs:semanticLabelsTopicName"
+        )
+        for name in wanted
+    ]
+    assert labels == ["/semantic_segmentation_labels", "/bbox_3d_labels"]
+
+
+def test_the_frame_of_a_sensor_comes_along_when_asked_for(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    alone = add(path, "lidar")
+    assert any("--with-tf" in note for note in alone.additions[0].notes)
+    both = add(path, "lidar", with_tf=True)
+    assert [addition.request.kind for addition in both.additions] == ["lidar", "tf"]
+    assert not both.additions[0].notes
+
+
+def test_an_option_of_another_kind_is_refused(tmp_path: Path) -> None:
+    assert "--radius does not go with clock" in refusal(bot(tmp_path), "clock", radius=0.1)
+
+
+def test_a_kind_that_is_none_is_refused_with_those_there_are(tmp_path: Path) -> None:
+    assert "odometry" in refusal(bot(tmp_path), "odomtry")
+
+
+def test_a_layer_holds_the_graphs_alone_and_grows(tmp_path: Path) -> None:
+    path, layer = rover_at(tmp_path), tmp_path / "ros.usda"
+    for kind in ("clock", "drive"):
+        assert invoke("add", kind, path, "--layer", layer).exit_code == 0
+    assert path.read_bytes() == ROVER.read_bytes()
+    stage = Usd.Stage.Open(str(layer))
+    assert stage.GetPrimAtPath(DRIVE)
+    assert list(stage.GetRootLayer().subLayerPaths) == ["./rover.usda"]
+    assert not stage.GetRootLayer().GetPrimAtPath("/World/Rover")
+
+
+def test_a_layer_never_goes_over_another_file(tmp_path: Path) -> None:
+    path, other = rover_at(tmp_path), rover_at(tmp_path, "other.usda")
+    assert lab3("add", "clock", path, "--layer", other).returncode == 2
+    assert other.read_bytes() == ROVER.read_bytes()
+
+
+def test_a_read_only_file_is_not_replaced(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    path.chmod(0o444)
+    assert lab3("add", "clock", path, "--in-place").returncode == 2
+    assert path.read_bytes() == ROVER.read_bytes()
+
+
+def test_a_file_of_requests_brings_a_stage_there_and_changes_nothing_twice(tmp_path: Path) -> None:
+    path, requests = rover_at(tmp_path), tmp_path / "ros.yaml"
+    requests.write_text("add:\n  - clock\n  - drive: {topic: /go}\n  - odometry\n")
+    assert invoke("add", "--file", requests, path, "--diff").exit_code == 1
+    assert invoke("add", "--file", requests, path, "--in-place").exit_code == 0
+    assert invoke("add", "--file", requests, path, "--diff").exit_code == 0
+    requests.write_text("add:\n  - drive: {topic: /there}\n")
+    assert invoke("add", "--file", requests, path, "--diff").exit_code == 1
+
+
+def test_an_unknown_option_in_a_file_is_named(tmp_path: Path) -> None:
+    path, requests = rover_at(tmp_path), tmp_path / "ros.yaml"
+    requests.write_text("add:\n  - drive: {raduis: 0.1}\n")
+    answer = lab3("add", "--file", requests, path)
+    assert answer.returncode == 2
+    assert "raduis" in answer.stderr
+
+
+def test_json_names_what_was_inferred_and_from_what(tmp_path: Path) -> None:
+    answer = json.loads(invoke("add", "drive", rover_at(tmp_path), "--format", "json").output)
+    facts = {fact["name"]: fact for fact in answer["additions"][0]["facts"]}
+    assert facts["radius"]["value"] == "0.100 m"
+    assert facts["radius"]["option"] == "--radius"
+    assert answer["findings"] == []
+
+
+def test_a_release_without_a_node_type_refuses_its_recipe(tmp_path: Path) -> None:
+    answer = lab3("add", "tf", rover_at(tmp_path), "--isaac", "5.1")
+    assert answer.returncode == 2
+    assert "5.1" in answer.stderr
+
+
+def test_a_graph_with_other_outputs_is_renewed_as_a_whole(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    written(path, "camera", publish=("rgb", "depth"))
+    assert "--replace" in refusal(path, "camera", publish=("rgb", "bbox_3d"))
+    renewed = add(path, "camera", replaces=True, publish=("rgb", "bbox_3d"))
+    assert renewed.data is not None
+    stage = held(path, renewed.data)
+    names = {prim.GetName() for prim in stage.GetPrimAtPath("/World/Graphs/Camera").GetChildren()}
+    assert "ros2_camera_helper_bbox_3d" in names
+    assert "ros2_camera_helper_depth" not in names
+
+
+def test_odometry_is_never_replaced_by_the_frames_that_it_holds(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    written(path, "odometry")
+    sensor = ("/World/Rover/chassis/laser",)
+    added = add(path, "tf", replaces=True, targets=sensor, parent="/World/Rover/chassis")
+    assert added.additions[0].graph == "/World/Graphs/TF"
