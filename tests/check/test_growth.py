@@ -21,6 +21,7 @@ from pxr import Sdf, Usd
 from robot_kinds import faulty_fleet, fleet, pairs
 
 import lab3_usd
+from lab3_usd.check.checker import judge
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import all_rules
@@ -30,6 +31,7 @@ from lab3_usd.report.formats.registry import render
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.robots import expected_of
 from lab3_usd.sim.timeline import record
+from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.scene import read_scene
 
@@ -125,17 +127,17 @@ def faulty(tmp_path_factory: pytest.TempPathFactory) -> Callable[[int], Path]:
     return written
 
 
-def grown(run: Callable[[int], object]) -> dict[str, tuple[int, int]]:
+def grown(run: Callable[[int], object], few: int = FEW) -> dict[str, tuple[int, int]]:
     """Return the functions that take more than twice as many steps for twice as much."""
-    run(2 * FEW)  # what is kept from one stage to the next
-    with counted() as few:
-        run(FEW)
-    with counted() as many:
-        run(2 * FEW)
+    run(2 * few)  # what is kept from one stage to the next
+    with counted() as before:
+        run(few)
+    with counted() as after:
+        run(2 * few)
     return {
-        f"{Path(code.co_filename).stem}.{code.co_name}": (few[code], count)
-        for code, count in many.items()
-        if count > MORE * few[code] + BESIDES
+        f"{Path(code.co_filename).stem}.{code.co_name}": (before[code], count)
+        for code, count in after.items()
+        if count > MORE * before[code] + BESIDES
     }
 
 
@@ -144,6 +146,17 @@ def test_no_function_of_lint_takes_more_for_each_robot_where_there_are_more(
     make: Callable[[int], Usd.Stage],
 ) -> None:
     assert not grown(lambda count: linted(make(count)))
+
+
+def test_no_function_of_a_check_takes_more_for_each_robot_where_there_are_more() -> None:
+    """All robots but one are none of the lab's, with nodes and lidars that nobody asks for."""
+    lab = load_lab()
+
+    def run(count: int) -> None:
+        model = read_model(fleet(count), lab.platform, "stage.usda")
+        judge(lab, lab.checkpoints["05"], model)
+
+    assert not grown(run, few=12)
 
 
 def test_no_function_of_a_dry_run_takes_more_for_each_robot_where_there_are_more() -> None:

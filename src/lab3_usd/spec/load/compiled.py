@@ -2,8 +2,9 @@
 
 Reading and checking the YAML takes longer than judging a stage. A wheel carries the platform and
 the lab compiled into one file; a checkout compiles them when they are first loaded. The platform
-comes first and is read alone where no lab is needed. Only bundled files are compiled, whose folder
-is trusted as much as the code.
+comes first and is read alone where no lab is needed, and its node types when they are asked for:
+4 ms of a processor for the platform and 6 with the lab, where one pickle of everything takes 13.
+Only bundled files are compiled, whose folder is trusted as much as the code.
 """
 
 from __future__ import annotations
