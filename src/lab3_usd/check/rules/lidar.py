@@ -210,10 +210,6 @@ _TURN = 360.0
 _Fault = tuple[str, str, str]  # attribute, message, what is expected
 
 
-def _short(name: str) -> str:
-    return name.rpartition(":")[2]
-
-
 def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, ScanSpec]]:
     """Yield the lidars with a `scan` in the lab, and that `scan`."""
     for lidar in present_sensors(subject, LIDAR):
@@ -317,7 +313,7 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
         faults = [*_part_of_circle(values, scan), *_other_points(values, scan)]
         found = [_problem(lidar, scan, fault) for fault in faults]
         for name in values.attributes or values.written:
-            if name.startswith(scan.emitters) and _short(name) == scan.elevation:
+            if name.startswith(scan.emitters) and name.rpartition(":")[2] == scan.elevation:
                 found += _not_level(lidar, scan, subject, name)
         for problem in found:
             name = problem.property or ""

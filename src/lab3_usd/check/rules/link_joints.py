@@ -35,7 +35,7 @@ from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
 from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.model.transforms import angle_between
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import LinkSpec, RobotSpec
+from lab3_usd.spec.scene import RobotSpec
 
 
 def _articulation(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -176,7 +176,11 @@ def loose_link(subject: RobotSubject) -> Iterator[Problem]:
                 unmet=(joined(robot, name),),
                 covers=tuple((joint, JOINT_ENABLED) for joint in off),
             )
-        elif path in present and _is_held(link) and groups[path] == groups[base]:
+        elif (
+            path in present
+            and (link.held or link.offset is not None)
+            and groups[path] == groups[base]
+        ):
             yield from _movable(subject, path, link.handout)
             yield from _tilted(subject, path, link.handout)
 
@@ -212,10 +216,6 @@ def _is_to_stand(subject: RobotSubject) -> bool:
 
 
 _SIX_AXES = ("transX", "transY", "transZ", "rotX", "rotY", "rotZ")
-
-
-def _is_held(link: LinkSpec) -> bool:
-    return link.held or link.offset is not None
 
 
 def _tilted(subject: RobotSubject, link: str, handout: str) -> Iterator[Problem]:

@@ -66,18 +66,13 @@ def described_joint(subject: RobotSubject) -> Iterator[Problem]:
             yield _absent(subject, names, subject.robot.path, message)
         return
     for name, spec in subject.robot.joints.items():
-        prim = _find(subject, name)
+        prim = find_joint(subject.stage, subject.robot.path, name)
         if prim is None or not prim.present:
             place = f"{subject.robot.path}/{name}" if prim is None else prim.path
             reason = absence_reason(subject.stage, place)
             yield _absent(subject, (name,), place, f"{name} {reason}")
         else:
             yield from _wrong_values(prim, name, spec, subject)
-
-
-def _find(subject: RobotSubject, name: str) -> Prim | None:
-    """Return the joint of this name, wherever it stands on the robot."""
-    return find_joint(subject.stage, subject.robot.path, name)
 
 
 def _absent(subject: RobotSubject, names: tuple[str, ...], place: str, message: str) -> Problem:

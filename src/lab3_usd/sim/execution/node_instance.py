@@ -33,6 +33,7 @@ MODULES = (
     "transforms",
     "messages",
     "arithmetic",
+    "flow",
     "numbers",
 )
 _FUNCTIONS: dict[str, Function] = {}

@@ -1,4 +1,4 @@
-"""Kit's pure nodes: arithmetic, comparisons, variables and branches.
+"""Kit's pure nodes: arithmetic, comparisons, switches and variables.
 
 Their source is not public: the ports are those of NVIDIA's published documentation of the nodes
 (graphs/isaac/kit_types.json), which says what each computes (docs.omniverse.nvidia.com,
@@ -160,35 +160,4 @@ def read_variable(node: NodeInstance, world: World) -> bool:
     if graph is None or name not in graph.variables:
         return node.fails(f"the graph has no variable '{name}'", "no-number-input")
     node.outputs["value"] = graph.variables[name]
-    return True
-
-
-@computes("PrintText")
-def print_text(node: NodeInstance, world: World) -> bool:
-    """omni-graph-ui-nodes/printtext-1.html: nothing comes of it but a line in the log."""
-    del world
-    return node.goes_on()
-
-
-@computes("Sequence", "Multisequence")
-def sequence(node: NodeInstance, world: World) -> bool:
-    """omni-graph-action/multisequence-2.html: a signal goes on at each output in turn."""
-    del world
-    node.enabled += sorted(node.follows, key=lambda port: (len(port), port))
-    return True
-
-
-@computes("Once")
-def once(node: NodeInstance, world: World) -> bool:
-    """OgnOnce.html: the first signal goes on at one output, those after it at the other."""
-    del world
-    node.enabled.append("after" if "signalled" in node.memory else "once")
-    node.memory["signalled"] = True
-    return True
-
-
-@computes("Branch")
-def branch(node: NodeInstance, world: World) -> bool:
-    """omni-graph-action/branch-1.html: a signal goes on at one of two outputs."""
-    node.enabled.append("execTrue" if node.flag("condition", world) else "execFalse")
     return True

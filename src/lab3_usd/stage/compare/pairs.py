@@ -133,7 +133,9 @@ def compare_prims(
         if is_filtered and not _is_in_scope(record.prim, record.kind, scope):
             continue
         twin = twins.pop(record.name, None)
-        is_hidden = bool(scope.hidden) and _is_hidden(record.path, scope)
+        is_hidden = bool(scope.hidden) and any(
+            is_at_or_below(record.path, top) for top in scope.hidden
+        )
         if twin is None and is_hidden:
             over = Usd.Prim.GetStage(now).GetPrimAtPath(record.path)
             if not over:
@@ -178,10 +180,6 @@ def is_aside(prim: Usd.Prim, scope: Scope) -> bool:
             return True
         above = above.GetParent()
     return False
-
-
-def _is_hidden(path: str, scope: Scope) -> bool:
-    return any(is_at_or_below(path, top) for top in scope.hidden)
 
 
 def signature(prim: Usd.Prim) -> Signature:

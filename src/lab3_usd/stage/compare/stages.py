@@ -110,7 +110,11 @@ def _changes(comparison: _Comparison) -> Iterator[Change]:
     starter, stage, scope = comparison.starter, comparison.stage, comparison.scope
     gone: list[PrimRecord] = []
     # Data of the application is left out, unless it acts on the robot.
-    new = [prim for prim in stage.GetPseudoRoot().GetChildren() if _is_ignored(prim, scope)]
+    new = [
+        prim
+        for prim in stage.GetPseudoRoot().GetChildren()
+        if any(fnmatchcase(str(prim.GetPath()), pattern) for pattern in scope.roots)
+    ]
     for prim in compare_prims(read_records(starter), stage.GetPseudoRoot(), scope):
         if isinstance(prim, PairedPrim):
             yield from _prim_changes(prim, comparison)
@@ -126,10 +130,6 @@ def _changes(comparison: _Comparison) -> Iterator[Change]:
         for record in gone:
             yield from _gone_changes(record, new_prims, elsewhere)
     yield from added_changes(new, starter, stage, comparison.terms)
-
-
-def _is_ignored(root: Usd.Prim, scope: Scope) -> bool:
-    return any(fnmatchcase(str(root.GetPath()), pattern) for pattern in scope.roots)
 
 
 def _prim_changes(
