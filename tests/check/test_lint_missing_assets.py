@@ -331,3 +331,33 @@ def test_nodes_of_one_unknown_type_are_one_note_that_names_the_others(tmp_path: 
         node.CreateAttribute("node:type", Sdf.ValueTypeNames.Token).Set("somebody.elses.One")
     (note,) = [note for note in result_of(stage, tmp_path).findings if note.rule == "K32"]
     assert (note.prim, note.related) == ("/World/Clock/one", ("/World/Clock/two",))
+
+
+@pytest.mark.parametrize("where", [ROVER, f"{ROVER}/chassis", f"{ROVER}/chassis/sensor"])
+@pytest.mark.parametrize(
+    ("wrong", "rule"),
+    [
+        ({"/World/Drive/drive.inputs:wheelRadius": 1.0}, "K64"),
+        (
+            {"/World/Drive/left.inputs:value": "right", "/World/Drive/right.inputs:value": "left"},
+            "K66",
+        ),
+        ({f"{ROVER}/left_wheel_joint.drive:angular:physics:stiffness": 1000.0}, "K62"),
+    ],
+)
+def test_an_asset_that_is_missing_beside_the_wheels_hides_nothing_of_them(
+    tmp_path: Path, where: str, wrong: dict[str, float | str], rule: str
+) -> None:
+    stage = rover()
+    for path, value in wrong.items():
+        said = f"{value}_wheel_joint" if isinstance(value, str) else value
+        stage.GetAttributeAtPath(path).Set(said)
+    stage.DefinePrim(where).GetReferences().AddReference("./lidar.usd")
+    assert rule in {finding.rule for finding in result_of(stage, tmp_path).findings}
+
+
+def test_an_asset_that_is_missing_in_a_wheel_may_hold_its_shape(tmp_path: Path) -> None:
+    stage = rover()
+    stage.GetAttributeAtPath("/World/Drive/drive.inputs:wheelRadius").Set(1.0)
+    stage.DefinePrim(f"{ROVER}/left_wheel/tyre").GetReferences().AddReference("./tyre.usd")
+    assert "K64" not in {finding.rule for finding in result_of(stage, tmp_path).findings}

@@ -95,7 +95,7 @@ def _commands(stage: StageModel) -> Iterator[Command]:
         path = effective_value(node, ports.path, live)
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
-        names = listed_names(node, ports.joints, live)
+        names = listed_names(node, ports.joints, live) or _found_joints(node, ports.joints, stage)
         is_by_number = _has_indices(node, ports, stage) and not unused_indices(node, ports, stage)
         yield Command(
             node=node,
@@ -106,6 +106,23 @@ def _commands(stage: StageModel) -> Iterator[Command]:
             names=None if is_by_number and not names else names,
             unknown=stage.unknown_below(aim) if aim else None,
         )
+
+
+def _found_joints(node: Node, port: str, stage: StageModel) -> tuple[str, ...] | None:
+    """Return the names of joints that another node finds by their attribute, None for others."""
+    live = live_nodes(stage)
+    for source, output in live_sources(node, port, live):
+        listing = None if source.type is None else source.type.lists_joints
+        if listing is None or output != listing.output:
+            return listed_names(node, port, live)
+        by_path = effective_value(source, listing.by_path, live) is True
+        path = effective_value(source, listing.path, live) if by_path else None
+        robot = path if by_path else next(iter(source.targets(listing.prim)), None)
+        if not isinstance(robot, str) or stage.prim(robot) is None or stage.unknown_below(robot):
+            return None
+        below = stage.below(robot)
+        return tuple(prim.name for prim in below if listing.attribute in prim.attributes)
+    return listed_names(node, port, live)
 
 
 def _has_indices(node: Node, ports: DrivePorts, stage: StageModel) -> bool:

@@ -5,7 +5,8 @@ Everything that asks whether something happens asks here: rules, topics, frames 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+import math
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import Literal
 
@@ -176,8 +177,9 @@ def _unevaluated(stage: StageModel) -> dict[str, str]:
 
 
 @once_per_stage
-def _referenced(stage: StageModel, name: str) -> frozenset[str]:
-    """Return the paths that a relationship of the prims of the scene names."""
+def referenced_graphs(stage: StageModel) -> frozenset[str]:
+    """Return the graphs that prims of the scene use."""
+    name = stage.platform.graph.evaluation.reference
     prims = (prim for prim in stage.prims.values() if prim.present)
     return frozenset(path for prim in prims for path in prim.relationships.get(name, ()))
 
@@ -185,7 +187,7 @@ def _referenced(stage: StageModel, name: str) -> frozenset[str]:
 def _what_stops(graph: GraphModel, stage: StageModel) -> str:
     form = stage.platform.graph.evaluation
     is_by_reference = _attribute(graph, form.mode, stage.platform) in form.by_reference
-    if is_by_reference and graph.path not in _referenced(stage, form.reference):
+    if is_by_reference and graph.path not in referenced_graphs(stage):
         return form.mode
     pace = _attribute(graph, form.stage, stage.platform)
     is_on_demand = pace in form.on_demand
@@ -452,7 +454,7 @@ def _given(node: Node, live: Nodes, depth: int) -> Value | None:
         return None
     if kind.multiplies:
         values = [effective_value(node, port, live, depth) for port in node.ports if INPUT in port]
-        return 0.0 if any(type(value) in (int, float) and not value for value in values) else None
+        return _product(values)
     if kind.picks:
         chosen = effective_value(node, kind.picks[0], live, depth)
         known = isinstance(chosen, bool)
@@ -464,6 +466,14 @@ def _given(node: Node, live: Nodes, depth: int) -> Value | None:
             return array[at]
         return None
     return (_variable if kind.variable else _text_of)(node, kind, live, depth)
+
+
+def _product(values: Sequence[Value | None]) -> float | None:
+    """Return the product of numbers, None where one is unknown and none is 0."""
+    known = [float(v) for v in values if isinstance(v, (int, float)) and not isinstance(v, bool)]
+    if 0.0 in known:
+        return 0.0
+    return math.prod(known) if len(known) == len(values) > 1 else None
 
 
 def _variable(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:

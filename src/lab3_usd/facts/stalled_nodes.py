@@ -95,7 +95,9 @@ def _brings_data(node: Node, port: str, live: Nodes) -> bool:
 def _is_met(node: Node, name: str, need: Need, live: Nodes) -> bool:
     """Whether an input is given, and changes where it has to, or is a written zero that counts."""
     if is_given(node, name, live):
-        return not need.changing or _fixed(node, INPUT + name, live) is None
+        fixed = _fixed(node, INPUT + name, live) if need.changing or need.positive else None
+        is_low = isinstance(fixed, (int, float)) and fixed <= 0
+        return not (is_low if need.positive else need.changing and fixed is not None)
     state = node.state(INPUT + name)
     if state is None or not need.zero_counts:
         return False

@@ -16,6 +16,7 @@ from lab3_usd.facts.execution_order import (
     live_nodes,
     live_sources,
     nodes_of,
+    referenced_graphs,
     run_states,
     running_nodes,
     signal_sources,
@@ -130,8 +131,15 @@ def is_module(stage: StageModel) -> bool:
     return not bodies and all(prim.path in stage.platform.application_prims for prim in sensors)
 
 
+def is_placeholder(path: str, stage: StageModel) -> bool:
+    """Whether a target stands for the prim that uses a graph, or for the graph where none does."""
+    return path.rpartition("/")[2] == stage.platform.graph.evaluation.placeholder
+
+
 def is_made_later(path: str, stage: StageModel) -> bool:
-    """Whether the application makes a prim, or it is a node or a graph."""
+    """Whether the application makes a prim, or it is a node, or what a graph is used for."""
+    if is_placeholder(path, stage):
+        return any(top in referenced_graphs(stage) for top in upwards(path))
     live = live_nodes(stage)
     made = path in stage.platform.application_prims or stage.platform.graph.ignores(path)
     # The bundle that a node gives is a prim below it.

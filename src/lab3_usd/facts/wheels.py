@@ -16,8 +16,8 @@ from lab3_usd.model.physics import (
     USUAL_AXIS,
     numbers,
 )
-from lab3_usd.model.prims import Collider, Matrix, Prim
-from lab3_usd.model.stage import StageModel, once_per_stage
+from lab3_usd.model.prims import Collider, Matrix, Prim, is_at_or_below
+from lab3_usd.model.stage import StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.model.transforms import (
     AXES,
     Vector,
@@ -85,6 +85,20 @@ def wheel_radius(joint: Prim, stage: StageModel) -> float | None:
     wheel = stage.prim(paths[0]) if paths else None
     disc = None if wheel is None else disc_of(wheel, stage)
     return None if disc is None else disc.radius
+
+
+def unknown_shape(joints: Sequence[Prim], stage: StageModel) -> UnresolvedAsset | None:
+    """Return the missing asset that could hold a shape of the wheels which joints turn.
+
+    One at the robot, or beside its wheels, changes nothing of what the file says of them.
+    """
+    wheels = [path for joint in joints for path in joint.relationships.get(BODIES[1], ())[:1]]
+    inside = (
+        asset
+        for asset in stage.unresolved
+        if any(is_at_or_below(asset.prim, wheel) for wheel in wheels)
+    )
+    return next(inside, None)
 
 
 def _is_square(world: Matrix) -> bool:

@@ -18,8 +18,9 @@ class Need(Struct, frozen=True, forbid_unknown_fields=True):
     With `when` it needs it only where that input is wired or set, or switched on, with
     `when_wired` where it is wired, and with `unless` where it is not switched on. With
     `zero_counts`, zeros that somebody wrote are as good as other values; with `changing`, a value
-    that stays the same is as good as none. `effect` says what happens without, `source` names the
-    file of Isaac Sim that shows it. `until` is the last release in which it does, '' where all do.
+    that stays the same is as good as none, and with `positive` a number of 0 or below. `effect`
+    says what happens without, `source` names the file of Isaac Sim that shows it. `until` is the
+    last release in which it does, '' where all do.
     """
 
     inputs: tuple[str, ...]
@@ -30,6 +31,7 @@ class Need(Struct, frozen=True, forbid_unknown_fields=True):
     unless: str = ""
     zero_counts: bool = False
     changing: bool = False
+    positive: bool = False
     severity: Literal["error", "warning"] = "error"
     until: str = ""
 

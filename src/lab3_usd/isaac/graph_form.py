@@ -28,13 +28,15 @@ class Evaluation(Struct, frozen=True, forbid_unknown_fields=True):
     """The graphs that Isaac Sim evaluates, and the nodes that compute.
 
     `mode`, `stage` and `evaluator` are attributes of a graph. A graph whose mode is in
-    `by_reference` needs a prim whose relationship `reference` names it; one whose stage is in
+    `by_reference` needs a prim whose relationship `reference` names it; a target of the name
+    `placeholder` is that prim, or the graph itself. A graph whose stage is in
     `on_demand` needs an event of that stage. With an evaluator of `all_nodes` every node computes,
     otherwise those that a signal reaches.
     """
 
     mode: str
     reference: str
+    placeholder: str
     stage: str
     evaluator: str
     by_reference: tuple[str, ...]

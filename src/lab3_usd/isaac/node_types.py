@@ -79,10 +79,16 @@ def can_connect(source: Port, target: Port) -> bool:
     types = {source.ogn_type, target.ogn_type}
     if source.is_union or target.is_union or len(types) == 1 or types == {"string", "token"}:
         return True
-    source_element, source_shape = shape_of(source.ogn_type)
-    target_element, target_shape = shape_of(target.ogn_type)
+    source_element, source_shape = _plain(source.ogn_type)
+    target_element, target_shape = _plain(target.ogn_type)
     are_numbers = source_element in NUMBERS and target_element in NUMBERS
     return are_numbers and source_shape == target_shape
+
+
+def _plain(ogn_type: str) -> tuple[str, str]:
+    """Split a type as `shape_of`; a timecode is a double in every use."""
+    element, shape = shape_of(ogn_type)
+    return ("double" if element == "timecode" else element), shape
 
 
 def shape_of(ogn_type: str) -> tuple[str, str]:
@@ -172,6 +178,7 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     step_limits: tuple[str, ...] = ()
     sizes: Mapping[str, int] = field(default_factory=dict)
     drives: DrivePorts | None = None
+    lists_joints: JointList | None = None
     product: ProductPorts | None = None
     same_in_metres: tuple[str, ...] = ()
     text_of: tuple[str, ...] = ()
@@ -312,6 +319,19 @@ class ProductPorts(Struct, frozen=True):
     named: str
     camera: str
     size: tuple[str, str]
+
+
+class JointList(Struct, frozen=True, forbid_unknown_fields=True):
+    """The output of a type that lists joints of a robot: those with an attribute, in stage order.
+
+    `prim` names the robot, and `path` where the switch `by_path` is on.
+    """
+
+    output: str
+    prim: str
+    path: str
+    by_path: str
+    attribute: str
 
 
 class DrivePorts(Struct, frozen=True):

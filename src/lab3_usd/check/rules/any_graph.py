@@ -10,11 +10,18 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import VERSION, other_names
 from lab3_usd.facts.execution_order import live_nodes, unevaluated_by
 from lab3_usd.facts.stalled_nodes import has_side_effects, stopping_limits, unknown_limits
-from lab3_usd.facts.stuck_nodes import is_made_later
+from lab3_usd.facts.stuck_nodes import is_made_later, is_placeholder
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import RemovePrim, SetValue
 from lab3_usd.model.finding import Problem, display, node_title, short_source
-from lab3_usd.model.stage import DEACTIVATED, OVER, GraphModel, absence_reason, nodes_outside_graphs
+from lab3_usd.model.stage import (
+    DEACTIVATED,
+    OVER,
+    GraphModel,
+    StageModel,
+    absence_reason,
+    nodes_outside_graphs,
+)
 
 
 @rule("K07", "instanced-graph", scope="lint", severity="warning")
@@ -251,7 +258,7 @@ def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]
             is_one_of_several = len(node.targets(port)) > 1
             problem = Problem(
                 node.path,
-                f"{port} names {path}, which {absence_reason(subject.stage, path)}",
+                f"{port} names {path}, which {_why_absent(path, subject.stage)}",
                 property=port,
                 actual=path,
                 severity="warning" if is_one_of_several or is_module else None,
@@ -259,6 +266,12 @@ def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]
                 rests_on=subject.stage.unknown(path),
             )
             yield problem, absent_above(path, subject.stage)
+
+
+def _why_absent(path: str, stage: StageModel) -> str:
+    if is_placeholder(path, stage):
+        return "is the graph itself: no prim uses the graph"
+    return absence_reason(stage, path)
 
 
 @rule("K63", "limit-needs-time-step", scope="lint")

@@ -32,14 +32,20 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
 
     Why: without a context a node uses the domain in the environment variable `ROS_DOMAIN_ID`, or 0.
     The others use the domain of their ROS2 Context. If the domains differ, the node cannot
-    communicate with the others. With a number that no ROS2 Context has made, the node does nothing,
+    communicate with the others; a context that names 0, or what the environment says, names the
+    same. With a number that no ROS2 Context has made, the node does nothing,
     without a message: an error.
 
     Fix: connect Context of the ROS2 Context to Context of this node.
 
     Example: one of four publishers has no wire at `inputs:context`.
     """
-    connected = [entry for entry in context_inputs(subject.stage) if entry.contexts]
+    default = Domain()  # of a node without a context
+    connected = [
+        entry
+        for entry in context_inputs(subject.stage)
+        if entry.contexts and domain_of(entry.node, subject.live, subject.platform) != default
+    ]
     unset = [entry for entry in context_inputs(subject.stage) if not entry.is_set]
     for entry in unset if connected else ():
         if has_side_effects(entry.node) and subject.runs(entry.node.path):

@@ -30,7 +30,7 @@ from lab3_usd.model.joint_drives import (
 )
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 
 _PORTS: Mapping[JointCommand, str] = {
     kind: f"{INPUT}{kind}Command" for kind in get_args(JointCommand)
@@ -102,8 +102,9 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
         for joint in _joints_moved_by("velocity", command, subject):
             why = of_drive(joint.type, joint.apis, joint.attributes, "velocity")
             if why is not None and joint.path not in judged:
-                judged |= set() if command.unknown else {joint.path}
-                yield _problem("velocity", command, joint, why)
+                asset = _unread(command, joint, why, subject.stage)
+                judged |= set() if asset else {joint.path}
+                yield _problem("velocity", command, joint, why, asset)
 
 
 def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject) -> Iterator[Prim]:
@@ -137,7 +138,25 @@ def _gain(joint: Prim, name: str) -> float:
     return number(joint.attributes.get(f"{drive_of(joint) or ''}{name}")) or 0.0
 
 
-def _problem(kind: JointCommand, command: Command, joint: Prim, why: Hindrance) -> Problem:
+def _unread(
+    command: Command, joint: Prim, why: Hindrance, stage: StageModel
+) -> UnresolvedAsset | None:
+    """Return the missing asset that could let a joint follow, or say that it is not commanded.
+
+    Where a command names its joints, that is one which sets the value; else any of the robot's.
+    """
+    if not command.names:
+        return command.unknown
+    return stage.unknown_value(joint, why.property) if why.property else stage.unknown(joint.path)
+
+
+def _problem(
+    kind: JointCommand,
+    command: Command,
+    joint: Prim,
+    why: Hindrance,
+    asset: UnresolvedAsset | None,
+) -> Problem:
     """Return why a joint does not follow; where messages name the joints, it may not be told to."""
     article = "an" if kind == "effort" else "a"
     return Problem(
@@ -148,7 +167,7 @@ def _problem(kind: JointCommand, command: Command, joint: Prim, why: Hindrance) 
         actual=why.actual,
         related=(command.node.path,),
         severity=None if _has_known_joints(kind, command) else "warning",
-        rests_on=command.unknown,
+        rests_on=asset,
     )
 
 
@@ -176,5 +195,6 @@ def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
             for joint in _joints_moved_by(kind, command, subject):
                 why = hindrance(joint.type, joint.apis, joint.attributes, kind)
                 if why is not None and joint.path not in judged:
-                    judged |= set() if command.unknown else {joint.path}
-                    yield _problem(kind, command, joint, why)
+                    asset = _unread(command, joint, why, subject.stage)
+                    judged |= set() if asset else {joint.path}
+                    yield _problem(kind, command, joint, why, asset)

@@ -76,14 +76,20 @@ def _fixed_input(
     """Say which of some inputs has a useless value, '' for none, and whether that is nothing."""
     for port in (INPUT + name for name in names):
         value = effective_value(node, port, subject.live)
-        is_kept = need.changing and value is not None and not is_nothing(value)
-        if value is not None and (node.sources(port) or is_kept):
-            return f"{port} is always {display(value)}", is_nothing(value)
+        if value is None:
+            continue
+        if node.sources(port) or (need.changing and not is_nothing(value)):
+            return f"{port} is always {display(value)}", need.positive or is_nothing(value)
+        state = node.state(port)
+        if state is not None and state.value not in {None, "", ()}:  # written, and as good as none
+            return f"{port} is {display(value)}", True
     return "", True
 
 
 def _wanted(need: Need) -> str:
     """Say what an input should get that has a useless value."""
+    if need.positive:
+        return "a value above 0"
     return "a value that changes" if need.changing else "another value"
 
 

@@ -23,12 +23,12 @@ from lab3_usd.facts.articulations import (
 from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.quantities import unit_of
-from lab3_usd.facts.wheels import anchor, car_sizes, pair_sizes, wheel_radius
+from lab3_usd.facts.wheels import anchor, car_sizes, pair_sizes, unknown_shape, wheel_radius
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim, upwards
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 
 
 @rule("K60", "no-articulation", scope="lint")
@@ -146,7 +146,8 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
-    for command, controller, pair in driven_pairs(subject.stage):
+    told: set[tuple[str, str]] = set()  # a controller may drive several pairs
+    for _, controller, pair in driven_pairs(subject.stage):
         one, other = (wheel_radius(joint, subject.stage) or 0.0 for joint in pair)
         if one and other and not math.isclose(one, other, rel_tol=_CLOSE):
             yield Problem(
@@ -154,23 +155,26 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
                 f"the wheels that it drives have {one:.4g} and {other:.4g} m",
                 expected="wheels of one size",
                 related=tuple(joint.path for joint in pair),
-                rests_on=command.unknown,
+                rests_on=unknown_shape(pair, subject.stage),
             )
         of_pair = pair_sizes(pair, subject.stage)
-        yield from _unlike_sizes(command, controller, pair, of_pair, subject)
-    for command, controller, wheels in driven_wheels(subject.stage):
+        yield from _unlike_sizes(controller, pair, of_pair, told, subject)
+    for _, controller, wheels in driven_wheels(subject.stage):
         if of_car := car_sizes(wheels, subject.stage):
-            yield from _unlike_sizes(command, controller, wheels, of_car, subject)
+            yield from _unlike_sizes(controller, wheels, of_car, told, subject)
 
 
 def _unlike_sizes(
-    command: Command,
     controller: Node,
     wheels: tuple[Prim, ...],
     sizes: Mapping[str, float | None],
+    told: set[tuple[str, str]],
     subject: LintSubject,
 ) -> Iterator[Problem]:
-    """Yield the sizes that a controller states, and that are not those that were measured."""
+    """Yield the sizes that a controller states, and that are not those that were measured.
+
+    What is no size at all makes it compute nothing, which is another finding. Each is told once.
+    """
     known = subject.platform.quantities.get(controller.type.type) if controller.type else None
     if known is None:
         return
@@ -179,10 +183,12 @@ def _unlike_sizes(
     units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
     unit_text = "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
     for port, measured in ((INPUT + name, sizes.get(size)) for name, size in known.sizes.items()):
-        value = number(effective_value(controller, port, subject.live))
-        if not value or not measured:
+        value = number(effective_value(controller, port, subject.live)) or 0.0
+        place = (controller.path, port)
+        if value <= 0 or not measured or place in told:
             continue
         if not any(math.isclose(value * size, measured, rel_tol=_CLOSE) for size in units):
+            told.add(place)
             yield Problem(
                 controller.path,
                 f"{port} is {value:g}, the wheels measure {measured:.4g} m{unit_text}",
@@ -190,7 +196,7 @@ def _unlike_sizes(
                 expected=f"{measured / units[0]:.4g}",
                 actual=f"{value:g}",
                 related=tuple(joint.path for joint in wheels),
-                rests_on=command.unknown,
+                rests_on=unknown_shape(wheels, subject.stage),
             )
 
 
@@ -298,8 +304,14 @@ def joint_order(subject: LintSubject) -> Iterator[Problem]:
                 expected=", ".join(joint.name for joint in expected),
                 actual=names,
                 related=(controller.path,),
-                rests_on=command.unknown,
+                rests_on=_unplaced(wheels, subject.stage),
             )
+
+
+def _unplaced(joints: tuple[Prim, ...], stage: StageModel) -> UnresolvedAsset | None:
+    """Return the missing asset that could say where one of some joints sits."""
+    unknown = (stage.unknown_value(joint, "physics:localPos0") for joint in joints)
+    return next(filter(None, unknown), None)
 
 
 _ORDERS = {

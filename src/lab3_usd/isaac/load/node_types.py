@@ -16,6 +16,7 @@ from lab3_usd.isaac.node_types import (
     Choice,
     DrivePorts,
     Dynamic,
+    JointList,
     NodeType,
     Port,
     ProductPorts,
@@ -85,6 +86,7 @@ class TypeEntry(Struct, forbid_unknown_fields=True):
     step_limits: tuple[str, ...] = ()
     sizes: dict[str, int] = {}
     drives: _DrivesEntry | None = None
+    lists_joints: JointList | None = None
     product: _ProductEntry | None = None
     same_in_metres: tuple[str, ...] = ()
     text_of: tuple[str, ...] = ()
@@ -184,6 +186,7 @@ def _node_type(
         step_limits=_named(entry.step_limits, INPUT, ports, f"{where}: step_limits"),
         sizes=_by_port(entry.sizes, OUTPUT, ports, f"{where}: sizes"),
         drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
+        lists_joints=_joint_list(entry.lists_joints, ports, f"{where}: lists_joints"),
         product=_product_ports(entry.product, ports, f"{where}: product"),
         same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
         text_of=_named(entry.text_of, INPUT, ports, f"{where}: text_of"),
@@ -261,6 +264,14 @@ def _by_port(
 ) -> dict[str, Fact]:
     """Return the entries of ports by their full names."""
     return dict(zip(_named(facts, prefix, ports, where), facts.values(), strict=True))
+
+
+def _joint_list(entry: JointList | None, ports: Mapping[str, Port], where: str) -> JointList | None:
+    if entry is None:
+        return None
+    (output,) = _named((entry.output,), OUTPUT, ports, where)
+    prim, path, by_path = _named((entry.prim, entry.path, entry.by_path), INPUT, ports, where)
+    return replace(entry, output=output, prim=prim, path=path, by_path=by_path)
 
 
 def _choice(entry: Choice | None, ports: Mapping[str, Port], where: str) -> Choice | None:

@@ -31,7 +31,7 @@ Authored = dict[str, tuple[str, Value]]  # type and value by name
 EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
-    r"^(physics|drive|isaac|omni|physx\w*|visibility|focalLength|clippingRange|"
+    r"^(physics|drive|isaac|isaacmecanumwheel|omni|physx\w*|visibility|focalLength|clippingRange|"
     r"(horizontal|vertical)Aperture(Offset)?|exposure|projection|cameraProjectionType|"
     r"clippingPlanes|inputs:(intensity|exposure|color|diffuse|specular)|"
     r"kind|node|axis|purpose|xformOpOrder|omniGraphs|material)(:|$)"
