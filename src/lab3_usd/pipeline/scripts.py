@@ -37,6 +37,7 @@ if TYPE_CHECKING:
     from lab3_usd.scripts.sources import Source
 
 NO_GRAPH = "it builds no graph"
+_OLD_NAMES = "K31"
 _STOPS = ("B", "K21", "K30", "K31")  # what an error of a script is that a handler may expect
 _NOTE = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\n]*)\]|[ \t]+([\w ,-]+))?")
 
@@ -104,7 +105,7 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
         [_Placed(finding, _span(finding, stage)) for finding in each.results.findings]
         for stage, each in zip(script.stages, judged, strict=True)
     ]
-    kept = _told_once(_certain(script.stages, placed))
+    kept = _told_once(_certain(script.stages, [_of_made_nodes(found) for found in placed]))
     findings = [_in_file(each, path, script.source) for each in kept]
     if settings.heeds_ignores:
         findings = list(
@@ -192,6 +193,20 @@ def _certain(stages: Sequence[BuiltStage], placed: Sequence[list[_Placed]]) -> I
                 each, stages
             ):
                 yield each
+
+
+def _of_made_nodes(placed: list[_Placed]) -> list[_Placed]:
+    """Return findings but those about nodes that are not made, because of the names of their types.
+
+    Whatever else is said of such a node rests on a line at which the script stops.
+    """
+    stopped = [
+        each.finding
+        for each in placed
+        if each.finding.rule == _OLD_NAMES and each.finding.severity == "error"
+    ]
+    unmade = {prim for finding in stopped for prim in finding.related}
+    return [each for each in placed if each.finding.prim not in unmade]
 
 
 def _key(placed: _Placed) -> tuple[str, str, str | None, Span | None]:

@@ -109,7 +109,11 @@ def call_function(function: Function, given: Arguments, run: Run, node: ast.AST)
     inner.owner = function.owner
     _bind(function, given, inner)
     if isinstance(code, ast.Lambda):
-        return evaluate(code.body, inner, run)
+        run.calls.append(id(code))
+        try:
+            return evaluate(code.body, inner, run)
+        finally:
+            run.calls.pop()
     if _yields(code, run):
         inner.yields = []
     run.calls.append(id(code))

@@ -42,6 +42,8 @@ from lab3_usd.scripts.values import (
     unknown,
 )
 
+_FEW = 8
+
 
 def evaluate(node: ast.AST, scope: Scope, run: Run) -> Value:
     """Return the value of an expression.
@@ -305,6 +307,9 @@ def _comprehension(
         made.items.append(evaluate(node.elt, inner, run))
         if len(made.items) > MOST_ITEMS:
             raise StepLimitError
+        if len(made.items) == _FEW and all(isinstance(item, Unknown) for item in made.items):
+            made.rest = made.rest or unknown(node)  # the others are no better
+            break
     return made
 
 

@@ -13,6 +13,7 @@ from typing import Any
 from lab3_usd.model.stage import Unknown
 from lab3_usd.scripts.run import MOST_ROUNDS, Arguments
 from lab3_usd.scripts.values import (
+    MOST_ITEMS,
     MOST_LETTERS,
     At,
     Instance,
@@ -220,7 +221,7 @@ def _list_function(
     if name == "range" and values and all(isinstance(value, int) for value in values):
         with suppress(ValueError, TypeError, OverflowError):
             numbers = range(*values)
-            if len(numbers) <= MOST_ROUNDS:
+            if len(numbers) <= MOST_ITEMS:
                 return Items(list(numbers), at)
         return Unknown("range()", at[0])
     if name == "enumerate" and values and first is not None:
@@ -349,19 +350,18 @@ def _joined(own: Text, items: Items, at: At, node: ast.AST) -> Value:
 
 def _call_list(own: Items, name: str, values: list[Value], node: ast.AST) -> Value:
     if name == "append" and values:
-        own.items.append(values[0])
+        own.extend([values[0]])
     elif name == "extend" and values:
         more = values[0] if isinstance(values[0], Items) else _keys(values[0])
         if more is None:
             own.rest = own.rest or (values[0] if isinstance(values[0], Unknown) else unknown(node))
         else:
-            own.items += more.items
-            own.rest = own.rest or more.rest
+            own.extend(list(more.items), more.rest)
     elif name == "insert" and len(values) > 1:
         at = values[0] if isinstance(values[0], int) else len(own.items)
         own.items.insert(at, values[1])
     elif name == "add" and values:
-        own.items.append(values[0])
+        own.extend([values[0]])
     elif name == "copy":
         return Items(list(own.items), own.at, own.kind, own.rest)
     elif name == "tolist":

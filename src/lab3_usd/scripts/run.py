@@ -13,7 +13,7 @@ MOST_STEPS = 250_000
 DEEPEST_CALL = 40
 DEEPEST_PART = 900
 MOST_ROUNDS = 2_000  # of one loop
-FEW_ROUNDS = 12  # of one that builds nothing and changes no list
+FEW_ROUNDS = 3  # of one that builds nothing and changes no list
 
 
 class StepLimitError(Exception):
@@ -77,6 +77,7 @@ class Run:
         self.instances: list[Instance] = []
         self.inner: list[Function] = []
         self.line = 1
+        self.attributes: dict[int, dict[str, list[ast.expr]]] = {}
         self.call_value: Callable[[Value, Arguments, ast.AST, Scope], Value]
         self.assign: Callable[[ast.expr, Value, Scope], None]
         self.attribute_set_elsewhere: Callable[[Instance, ast.Attribute], Value]

@@ -17,7 +17,7 @@ from lab3_usd.scripts.calling import call_function, call_value, construct
 from lab3_usd.scripts.expressions import evaluate
 from lab3_usd.scripts.run import Arguments, Run, StepLimitError
 from lab3_usd.scripts.statements import assign, execute
-from lab3_usd.scripts.values import Class, Function, Instance, Scope, Value, unknown
+from lab3_usd.scripts.values import Class, Function, Instance, Scope, Value, assigned, unknown
 from lab3_usd.scripts.world import World
 
 MOST_WAYS = 16  # through one start
@@ -60,6 +60,7 @@ def ways(tree: ast.Module, building: Building) -> Iterator[list[Way]]:
     """Yield the ways through a script, those of one start together."""
     builders = frozenset(_builders(tree))
     looked_at: dict[int, bool] = {}
+    attributes: dict[int, dict[str, list[ast.expr]]] = {}
     starts = _starts(tree, builders)
     entered: set[int] = set()
     count = 0
@@ -71,6 +72,7 @@ def ways(tree: ast.Module, building: Building) -> Iterator[list[Way]]:
         while ahead and len(found) < MOST_WAYS and count < MOST_IN_ALL:
             decisions = ahead.pop(0)
             run = Run(decisions, builders, building, looked_at)
+            run.attributes = attributes
             found.append(_follow(tree, start, run))
             count += 1
             entered |= run.entered
@@ -134,7 +136,11 @@ def _is_static(function: Function) -> bool:
 
 def _set_elsewhere(own: Instance, node: ast.Attribute, run: Run) -> Value:
     """Return an attribute that another method of the class sets, where only one place does."""
-    found = [(value, kind) for kind in own.type.lines() for value in kind.assigned(node.attr)]
+    found = [
+        (value, kind)
+        for kind in own.type.lines()
+        for value in _assigned(kind, run).get(node.attr, ())
+    ]
     certain = [pair for pair in found if not _is_nothing(pair[0])]
     if len(certain) != 1:
         return unknown(node)
@@ -144,6 +150,13 @@ def _set_elsewhere(own: Instance, node: ast.Attribute, run: Run) -> Value:
     result = evaluate(value, Scope("function", kind.scope), run)
     own.attributes[node.attr] = result
     return result
+
+
+def _assigned(kind: Class, run: Run) -> dict[str, list[ast.expr]]:
+    known = run.attributes.get(id(kind.node))
+    if known is None:
+        known = run.attributes[id(kind.node)] = assigned(kind.node)
+    return known
 
 
 def _is_nothing(value: ast.expr) -> bool:

@@ -123,8 +123,8 @@ def _augmented(node: ast.AugAssign, scope: Scope, run: Run) -> Ending:
     before, value = evaluate(load, scope, run), evaluate(node.value, scope, run)
     if isinstance(before, Items) and before.kind == "list" and isinstance(node.op, ast.Add):
         more = listed(value)
-        before.items += [] if more is None else more.items
-        before.rest = before.rest or (as_unknown(value, node) if more is None else more.rest)
+        rest = as_unknown(value, node) if more is None else more.rest
+        before.extend([] if more is None else list(more.items), rest)
         return ""
     is_sum = isinstance(node.op, ast.Add)
     new = added(before, value, node) if is_sum else computed(node.op, before, value, node)

@@ -94,6 +94,14 @@ class Items:
         self.kind = kind
         self.rest = rest
 
+    def extend(self, items: list[Value], rest: Unknown | None = None) -> None:
+        """Take more items; of those that are too many, it is only known that there are some."""
+        if len(self.items) + len(items) > MOST_ITEMS:
+            rest = rest or Unknown("a long list", self.at[0])
+        else:
+            self.items += items
+        self.rest = self.rest or rest
+
 
 class Table:
     """A dictionary: its keys and values in order, and what is not known of it.
@@ -206,12 +214,11 @@ class Function(Struct, frozen=True, eq=False):
 class Class:
     """A class of the script with its attributes, and those of its bases that are known."""
 
-    __slots__ = ("bases", "name", "node", "scope", "set_values")
+    __slots__ = ("bases", "name", "node", "scope")
 
     def __init__(self, node: ast.ClassDef, scope: Scope, bases: list[Value]) -> None:
         """Take the body's names, and the bases."""
         self.node, self.scope, self.bases, self.name = node, scope, bases, node.name
-        self.set_values: dict[str, list[ast.expr]] | None = None
 
     def lines(self) -> Iterator[Class]:
         """Yield the class and its bases, nearest first."""
@@ -219,18 +226,6 @@ class Class:
         for known in seen:
             yield known
             seen += [base for base in known.bases if isinstance(base, Class) and base not in seen]
-
-    def assigned(self, name: str) -> list[ast.expr]:
-        """Return what the methods assign to an attribute of their object."""
-        if self.set_values is None:
-            self.set_values = {}
-            for part in ast.walk(self.node):
-                if isinstance(part, (ast.Assign, ast.AnnAssign)) and part.value is not None:
-                    targets = part.targets if isinstance(part, ast.Assign) else [part.target]
-                    for target in targets:
-                        if isinstance(target, ast.Attribute) and isinstance(target.value, ast.Name):
-                            self.set_values.setdefault(target.attr, []).append(part.value)
-        return self.set_values.get(name, [])
 
     def find(self, name: str) -> tuple[Value, Class] | None:
         """Return an attribute and the class that has it."""
@@ -365,6 +360,17 @@ def joined(one: Value, other: Value, what: Unknown) -> Value:
     if one is other or same(one, other):
         return one
     return one if isinstance(one, Unknown) and one == other else what
+
+
+def assigned(node: ast.ClassDef) -> dict[str, list[ast.expr]]:
+    """Return what the methods of a class assign to each attribute of their object."""
+    found: dict[str, list[ast.expr]] = {}
+    for part in ast.walk(node):
+        if isinstance(part, (ast.Assign, ast.AnnAssign)) and part.value is not None:
+            for target in part.targets if isinstance(part, ast.Assign) else [part.target]:
+                if isinstance(target, ast.Attribute) and isinstance(target.value, ast.Name):
+                    found.setdefault(target.attr, []).append(part.value)
+    return found
 
 
 class UnknownValueError(Exception):

@@ -140,7 +140,7 @@ native_option = click.option(
 scene_option = click.option(
     "--stage",
     "scene",
-    type=click.Path(exists=True, dir_okay=False),
+    type=Input(exists=True, dir_okay=False),
     metavar="STAGE",
     help="The stage that scripts load, over which their graphs are judged.",
 )
