@@ -23,7 +23,16 @@ import importlib  # noqa: E402 - from where the path leads now
 from typing import TYPE_CHECKING, Any  # noqa: E402
 
 if TYPE_CHECKING:
-    from lab3_usd.errors import Lab3Error, SpecError, StageError, UsageError
+    from lab3_usd.author.api import Stage
+    from lab3_usd.errors import (
+        AmbiguousError,
+        GraphError,
+        Lab3Error,
+        NewFindingsError,
+        SpecError,
+        StageError,
+        UsageError,
+    )
     from lab3_usd.facts.frames import published_edges
     from lab3_usd.model.finding import Finding, Report, Requirement, Score, StageResult
     from lab3_usd.pipeline.stage import check_stage
@@ -36,12 +45,16 @@ if TYPE_CHECKING:
 # Where each public name lives; imported when it is first asked for, so that pxr is not loaded
 # by those who only want the rules or the errors.
 _HOMES = {
+    "AmbiguousError": "lab3_usd.errors",
     "Finding": "lab3_usd.model.finding",
+    "GraphError": "lab3_usd.errors",
     "Lab3Error": "lab3_usd.errors",
+    "NewFindingsError": "lab3_usd.errors",
     "Report": "lab3_usd.model.finding",
     "Requirement": "lab3_usd.model.finding",
     "Score": "lab3_usd.model.finding",
     "SpecError": "lab3_usd.errors",
+    "Stage": "lab3_usd.author.api",
     "StageError": "lab3_usd.errors",
     "StageResult": "lab3_usd.model.finding",
     "UsageError": "lab3_usd.errors",
@@ -56,12 +69,16 @@ _HOMES = {
 }
 
 __all__ = [
+    "AmbiguousError",
     "Finding",
+    "GraphError",
     "Lab3Error",
+    "NewFindingsError",
     "Report",
     "Requirement",
     "Score",
     "SpecError",
+    "Stage",
     "StageError",
     "StageResult",
     "UsageError",

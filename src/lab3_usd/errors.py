@@ -5,6 +5,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
 EXIT_FOUND = 1  # faults, differences, or what a command refuses to go on with
 EXIT_USAGE = 2
@@ -53,6 +54,18 @@ class AmbiguousError(UsageError):
         super().__init__(f"which {what}? {', '.join(candidates)}: name one with {option}")
         self.candidates = tuple(candidates)
         self.option = option
+
+
+class NewFindingsError(UsageError):
+    """The linter finds something new in what was added; `findings` has it."""
+
+    def __init__(self, path: Path, findings: Sequence[Any]) -> None:
+        """Say what is new."""
+        lines = (f"{finding.rule} {finding.prim}: {finding.message}" for finding in findings)
+        super().__init__(
+            f"{path}: new findings: {'; '.join(lines)}; check=False saves all the same"
+        )
+        self.findings = tuple(findings)
 
 
 class NoRoomError(Lab3Error):

@@ -357,3 +357,22 @@ def test_odometry_is_never_replaced_by_the_frames_that_it_holds(tmp_path: Path) 
     sensor = ("/World/Rover/chassis/laser",)
     added = add(path, "tf", replaces=True, targets=sensor, parent="/World/Rover/chassis")
     assert added.additions[0].graph == "/World/Graphs/TF"
+
+
+def test_renewing_the_graph_of_one_robot_leaves_that_of_another(tmp_path: Path) -> None:
+    path = tmp_path / "two.usda"
+    stage = new_stage(path)
+    for name in ("alpha", "beta"):
+        add_rover(stage, f"/World/{name}")
+    stage.Save()
+    del stage
+    written(path, "drive", robot="/World/alpha")
+    added = add(path, "drive", replaces=True, robot="/World/beta")
+    assert added.data is not None
+    extended = held(path, added.data)
+    controllers = [
+        str(prim.GetRelationship("inputs:targetPrim").GetTargets()[0])
+        for prim in extended.Traverse()
+        if prim.GetName() == "articulation_controller"
+    ]
+    assert controllers == ["/World/alpha/base", "/World/beta/base"]

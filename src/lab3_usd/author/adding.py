@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.author.choosing import present_prim
 from lab3_usd.author.editing import Editing, open_for_edits
 from lab3_usd.author.extending import extension
+from lab3_usd.author.frame_holes import sent_frames
 from lab3_usd.author.holes import fill, subjects
 from lab3_usd.author.places import graph_to_extend, new_path
 from lab3_usd.author.presence import Likeness, likeness, rivals
@@ -24,7 +25,7 @@ from lab3_usd.files import FileState, temporary_beside
 from lab3_usd.isaac.filling import filled
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.recipes import Recipe
-from lab3_usd.model.changes import DropPrim, Edit, Retarget, WriteGraph
+from lab3_usd.model.changes import DropPrim, Retarget, WriteGraph
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import StageModel
@@ -100,18 +101,18 @@ def add_graphs(path: Path, requests: Sequence[Request], options: AddOptions) -> 
         before = editing.findings()
         additions: list[Addition] = []
         for request in requests:
-            wanted = _with_frames(request, editing.model)
+            wanted = with_frames(request, editing.model)
             additions += [add_one(editing, each, options) for each in wanted]
         after = editing.findings()
         data = editing.new_root(state)
     finally:
         release_start_values(stage)
         editing.session.close()
-    awaited, new = _new_findings(before, after, additions, editing.platform)
+    awaited, new = new_findings(before, after, additions, editing.platform)
     return Added(path, tuple(additions), before, after, awaited, new, state, data)
 
 
-def _new_findings(
+def new_findings(
     before: Sequence[Finding],
     after: Sequence[Finding],
     additions: Sequence[Addition],
@@ -121,7 +122,8 @@ def _new_findings(
     known = {_key(finding) for finding in before}
     leaves: dict[str, str] = {}
     for addition in additions:
-        leaves |= platform.recipes[addition.request.kind].leaves
+        recipe = platform.recipes.get(addition.request.kind)
+        leaves |= recipe.leaves if recipe is not None else {}
     tops = [addition.graph for addition in additions]
     awaited, new = [], []
     for finding in after:
@@ -141,7 +143,7 @@ def _key(finding: Finding) -> tuple[str, str, str | None]:
     return finding.rule, finding.identity or finding.prim, finding.property
 
 
-def _with_frames(request: Request, model: StageModel) -> tuple[Request, ...]:
+def with_frames(request: Request, model: StageModel) -> tuple[Request, ...]:
     """Return a request, and that for the frame of its sensor where it is to come along."""
     if not request.options.with_tf:
         return (request,)
@@ -196,39 +198,88 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     same = next((found for found in there if found.is_same), None)
     if same is not None:
         return Addition(request, same.path, 0, holes=shown)
-    replaced = ""
-    if into is None and request.options.graph is not None and _stands(editing, path):
-        at_path = next((found for found in there if found.path == path and found.is_alike), None)
-        if at_path is None or not options.replaces:
-            _refuse_taken(path, at_path)
+    sender = _sender_of_all(task, values)
+    if sender:
+        return Addition(request, sender, 0, holes=shown)
+    alike = [
+        found.path for found in there if found.is_alike and _is_about(found.path, subject, model)
+    ]
+    alike += [found for found in _own_graphs(editing, recipe, subject) if found not in alike]
+    made_way: list[str] = []
     if into is not None:
         own = next(found for found in there if found.path == into)
         graph = extension(graph, shared, own, model)
-        edits: list[Edit] = [WriteGraph(into, graph, recipe.kind, into=True)]
-    else:
-        edits = [WriteGraph(path, graph, recipe.kind)]
-    alike = [found.path for found in there if found.is_alike]
-    alike += [path for path in _own_graphs(editing, recipe, subject) if path not in alike]
-    if recipe.is_single and alike and not options.replaces:
-        raise UsageError(f"{alike[0]} is a {recipe.kind} of {subject} already; --replace renews it")
-    if options.replaces and alike:
-        replaced = path if path in alike else alike[0]
-        if into is None:
-            path = request.options.graph or replaced
-            graph = replace(graph, path=path)
-            edits = [DropPrim(replaced), WriteGraph(path, graph, recipe.kind)]
-    editing.edit(edits)
+    elif request.options.graph is not None and _stands(editing, path):
+        if path not in alike or not options.replaces:
+            _refuse_taken(path, next((found for found in there if found.path == path), None))
+        made_way = [path]
+    write = WriteGraph(graph.path, graph, recipe.kind, into=into is not None)
+    editing.edit([*map(DropPrim, made_way), write])
     new = frozenset(f"{graph.path}/{role}" for role in graph.nodes)
-    _refuse_rivals(new, there, alike, editing.model)
+    first = _in_the_way(new, recipe, alike, editing.model)
+    if first and options.replaces and into is None and set(first) <= {*alike}:
+        made_way = list(first)
+        graph = replace(graph, path=request.options.graph or made_way[0])
+        write = WriteGraph(graph.path, graph, recipe.kind)
+        editing.edit([*map(DropPrim, (*new_tops(new), *made_way)), write])
+        new = frozenset(f"{graph.path}/{role}" for role in graph.nodes)
+        first = _in_the_way(new, recipe, [], editing.model)
+    if first:
+        _refuse(first, there, alike)
     return Addition(
         request,
         graph.path,
         len(graph.nodes),
         extends=into is not None,
         holes=shown,
-        replaced=replaced,
+        replaced=", ".join(made_way),
         notes=tuple(_frame_notes(task, values, editing.model)),
     )
+
+
+def new_tops(new: frozenset[str]) -> list[str]:
+    """Return the graphs of new nodes."""
+    return sorted({path.rpartition("/")[0] for path in new})
+
+
+def _in_the_way(
+    new: frozenset[str], recipe: Recipe, alike: Sequence[str], model: StageModel
+) -> dict[str, str]:
+    """Return the graphs that do already what new nodes do, each with what does what."""
+    found: dict[str, str] = {}
+    for rival in rivals(new, model):
+        found.setdefault(rival.path.rpartition("/")[0], f"{rival.path} {rival.what}")
+    for graph in alike if recipe.is_single else ():
+        found.setdefault(graph, f"{graph} is a {recipe.kind} of the same robot already")
+    return found
+
+
+def _refuse(first: dict[str, str], there: Sequence[Likeness], alike: Sequence[str]) -> None:
+    graph, text = next(iter(first.items()))
+    if graph not in alike:
+        raise UsageError(text)
+    likest = next(each for each in there if each.path == graph)
+    differences = "; ".join(likest.differences[:_MOST_SHOWN]) or "other nodes"
+    raise UsageError(f"{graph} is there with other values: {differences}; --replace renews it")
+
+
+def _is_about(path: str, subject: str, model: StageModel) -> bool:
+    """Whether a graph names a robot or sensor, or prims of it; of no subject any graph is."""
+    graph = next(graph for graph in model.graphs if graph.path == path)
+    named = {t for node in graph.nodes for s in node.ports.values() for t in s.targets}
+    return not subject or any(is_at_or_below(target, subject) for target in named)
+
+
+def _sender_of_all(task: Task, values: dict[str, Any]) -> str:
+    """Return a graph that sends each frame asked for below the same parent, '' for none."""
+    if "frames" not in task.recipe.needs or not values["targets"]:
+        return ""
+    model, parent, sent = task.stage, values["parent"], sent_frames(task)
+    top = frame_name(parent, model) if parent else model.platform.world_frame
+    edges = {target: sent.get(frame_name(target, model)) for target in values["targets"]}
+    if any(e is None or (e.prim, e.parent) != (target, top) for target, e in edges.items()):
+        return ""
+    return next(edge.publisher.rpartition("/")[0] for edge in edges.values() if edge is not None)
 
 
 def _is_live(path: str, model: StageModel) -> bool:
@@ -263,33 +314,11 @@ def _own_graphs(editing: Editing, recipe: Recipe, subject: str) -> list[str]:
     """Return the graphs that the same recipe brought for the same robot or sensor."""
     form, model = editing.platform.graph, editing.model
     marked = added_prims(editing.session.stage, form.type, form.node_type).graphs
-    found = []
-    for graph in model.graphs:
-        named = {t for node in graph.nodes for s in node.ports.values() for t in s.targets}
-        is_about = not subject or any(is_at_or_below(path, subject) for path in named)
-        if marked.get(graph.path) == recipe.kind and is_about:
-            found.append(graph.path)
-    return found
-
-
-def _refuse_rivals(
-    new: frozenset[str], there: Sequence[Likeness], alike: Sequence[str], model: StageModel
-) -> None:
-    """Refuse what another node does already.
-
-    Raises:
-        UsageError: one does; the text names it.
-    """
-    found = list(rivals(new, model))
-    if not found:
-        return
-    first = found[0]
-    graph = first.path.rpartition("/")[0]
-    if graph in alike:
-        likest = next(each for each in there if each.path == graph)
-        differences = "; ".join(likest.differences[:_MOST_SHOWN]) or "other nodes"
-        raise UsageError(f"{graph} is there with other values: {differences}; --replace renews it")
-    raise UsageError(f"{first.path} {first.what}")
+    return [
+        graph.path
+        for graph in model.graphs
+        if marked.get(graph.path) == recipe.kind and _is_about(graph.path, subject, model)
+    ]
 
 
 def _frame_notes(task: Task, values: dict[str, Any], model: StageModel) -> list[str]:

@@ -13,7 +13,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.facts.domains import Domain, may_meet
 from lab3_usd.facts.endpoints import namespaces_above, resolve
 from lab3_usd.facts.frame_targets import frame_name
-from lab3_usd.facts.frames import all_edges
+from lab3_usd.facts.frames import Edge, all_edges
 
 
 def chassis(task: Task) -> Iterator[Hole]:
@@ -35,21 +35,25 @@ def chassis(task: Task) -> Iterator[Hole]:
             )
         yield Hole("link_frames", None, "links", "none", f"they hang below {natural}", "--robot-tf")
         return
-    sent = _sent_frames(task)
+    sent = sent_frames(task)
     already = [link for link in links if frame_name(link, stage) in sent]
     new = tuple(link for link in links if link not in already)
     if already and options.robot_tf:
         first = frame_name(already[0], stage)
-        raise UsageError(f"the frame {first} is sent already, by {sent[first]}; --no-robot-tf")
+        raise UsageError(
+            f"the frame {first} is sent already, by {sent[first].publisher}; --no-robot-tf"
+        )
     shown = ", ".join(frame_name(link, stage) for link in new) or "none"
     source = f"below {natural}"
     if already:
-        source = f"{len(already)} are sent already, by {sent[frame_name(already[0], stage)]}"
+        source = (
+            f"{len(already)} are sent already, by {sent[frame_name(already[0], stage)].publisher}"
+        )
     yield Hole("link_frames", new, "links", shown, source, "--robot-tf")
 
 
-def _sent_frames(task: Task) -> dict[str, str]:
-    """Return the frames that are sent already where a request would, each with its sender."""
+def sent_frames(task: Task) -> dict[str, Edge]:
+    """Return the transforms that are sent where a request would send its own, by their frames."""
     wanted = {hole.name: hole.value for hole in namespace_holes(task)}
     usual = task.recipe.usual
     topic = usual.get("tf_topic") or usual.get("topic", "")
@@ -58,7 +62,7 @@ def _sent_frames(task: Task) -> dict[str, str]:
     name = resolve(space, topic)
     domain = _own_domain(task)
     return {
-        edge.child: edge.publisher
+        edge.child: edge
         for edge in all_edges(task.stage)
         if edge.topic == name and may_meet(edge.domain, domain)
     }

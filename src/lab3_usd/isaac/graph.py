@@ -126,7 +126,7 @@ def type_named(name: str, platform: Platform) -> NodeType:
         return platform.types[kinds[0]]
     if kinds:
         raise GraphError(f"'{name}' is the short name of several types: {', '.join(sorted(kinds))}")
-    near = _nearest(name, platform.types if "." in name else map(_short, platform.types))
+    near = near_name(name, platform.types if "." in name else map(_short, platform.types))
     raise GraphError(f"'{name}' is not a node type{near}")
 
 
@@ -134,7 +134,7 @@ def _short(name: str) -> str:
     return name.rpartition(".")[2].removeprefix(_COMMON_PREFIX)
 
 
-def _nearest(name: str, known: Iterable[str]) -> str:
+def near_name(name: str, known: Iterable[str]) -> str:
     """Return the end of a sentence that offers the known name that is nearest, '' for none."""
     from difflib import get_close_matches
 
@@ -185,7 +185,7 @@ def input_of(kind: NodeType, short: str) -> Port:
     port = kind.input(short) or (kind.port(INPUT + short) if kind.grows else None)
     if port is None:
         known = [name.removeprefix(INPUT) for name in kind.ports if name.startswith(INPUT)]
-        raise GraphError(f"{kind.type} has no input '{short}'{_nearest(short, known)}")
+        raise GraphError(f"{kind.type} has no input '{short}'{near_name(short, known)}")
     return port
 
 
@@ -242,7 +242,7 @@ def make_wire(source: Node, out: str, target: Node, into: str) -> Wire:
     start = source.type.source(out)
     if start is None:
         known = [p.short for p in source.type.ports.values() if p.is_source]
-        raise GraphError(f"{source.type.type} has no output '{out}'{_nearest(out, known)}")
+        raise GraphError(f"{source.type.type} has no output '{out}'{near_name(out, known)}")
     end = _wire_end(target, into)
     if not can_connect(start, end):
         raise GraphError(f"{start.ogn_type} cannot be wired to {end.ogn_type}")
@@ -256,7 +256,7 @@ def _wire_end(node: Node, short: str) -> Port:
             what = "is an output, a wire ends at an input"
         else:
             known = [name.removeprefix(INPUT) for name in node.type.ports if INPUT in name]
-            what = f"is not there{_nearest(short, known)}"
+            what = f"is not there{near_name(short, known)}"
         raise GraphError(f"'{short}' of {node.type.type} {what}")
     if not node.type.grows and port.name not in (*node.type.ports, *node.added):
         raise GraphError(f"{port.name} does not exist until 'ports' of {node.role} names it")
