@@ -28,6 +28,8 @@ SAME: list[tuple[Value, Value]] = [
 OTHER: list[tuple[Value | None, Value | None]] = [
     (1, True),
     (0, False),
+    (1.0, True),
+    (0.0, False),
     (0.22, 0.2200005),
     (0.0, 1e-9),
     ((1.0,), (1.0, 1.0)),

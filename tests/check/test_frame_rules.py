@@ -439,6 +439,19 @@ def test_the_articulation_root_and_the_camera_lose_all_links() -> None:
     assert sorted(unmet) == sorted(f"TF/frame/{child}" for child in m.LINKS[1:])
 
 
+@pytest.mark.parametrize(
+    ("parent", "unmet"), [("base_footprint", []), ("odom", ["TF/frame/base_scan"])]
+)
+def test_a_frame_hangs_deeper_below_the_frames_that_allow_it_alone(
+    parent: str, unmet: list[str]
+) -> None:
+    subject = m.subject(targets(m.ROBOT, m.CAMERA))
+    frames = replace(subject.lab.frames, edges=((parent, "base_scan"),))
+    subject = replace(subject, lab=replace(subject.lab, frames=frames))
+    found = [item.id for item in frame_requirements(subject) if not item.met]
+    assert found == unmet
+
+
 def rooted(stage: StageModel) -> StageModel:
     """The stage with the articulation root on the robot instead of its base."""
     stage = m.with_prim(stage, m.BASE, apis=(BODY, "IsaacLinkAPI"))

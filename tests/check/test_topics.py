@@ -221,6 +221,12 @@ def test_a_helper_that_the_tick_drives_still_needs_a_render_product() -> None:
     assert of(m.with_node(on, m.wired(helper, "inputs:execIn", tick)), LIDAR).runs
 
 
+@pytest.mark.parametrize(("skipped", "rate"), [(None, 10), (0, 10), (1, 5), (4, 2), (-1, 10)])
+def test_frames_that_a_helper_skips_lower_its_rate(skipped: int | None, rate: int) -> None:
+    stage = changed(LIDAR, "ROS_Lidar2D", frameSkipCount=skipped)
+    assert of(stage, LIDAR).rate == f"sensor at {rate} Hz"
+
+
 def test_the_pace_is_the_events_or_the_sensors() -> None:
     stage = m.stage()
     assert of(stage, LIDAR).rate == "sensor at 10 Hz"  # as its schema says

@@ -189,6 +189,12 @@ def test_a_pattern_gives_the_checkpoint(wrong: Path) -> None:
         lab3("check", other)
 
 
+def test_the_checkpoint_of_the_command_line_counts_before_that_of_a_pattern(wrong: Path) -> None:
+    set_up(wrong.parent, '[checkpoints]\n"Lab3*" = "03"')
+    assert report(wrong)["results"][0]["checkpoint"] == "03"
+    assert report(wrong, "--checkpoint", "01")["results"][0]["checkpoint"] == "01"
+
+
 def test_the_starter_is_found_from_the_file(wrong: Path) -> None:
     set_up(wrong.parent, 'starter = "starter.usda"')
     build_starter(wrong.parent / "starter.usda")

@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files
 from lab3_usd.grade.gradebook import (
+    alike,
     check_target,
     clear_halves,
     known_digest,
@@ -248,3 +249,11 @@ def test_the_table_says_of_each_item_what_it_lost_and_where(tmp_path: Path) -> N
         (row,) = csv.DictReader(file)
     told = ", ".join(f"-0.25 it turns forward (S09 a.usda:{n})" for n in range(3))
     assert row["remarks"] == f"{head['id']}: {told}, 2 more"
+
+
+def test_two_who_handed_in_the_same_files_are_listed_once() -> None:
+    work = {"files": {"01": "digest"}, "likeness": "signature"}
+    rows = [{"student": student, "work": work} for student in ("ana", "ben")]
+    assert alike(rows) == [
+        {"students": ["ana", "ben"], "what": "the same files", "checkpoints": ["01"]}
+    ]

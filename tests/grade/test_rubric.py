@@ -413,6 +413,16 @@ def test_a_late_submission_earns_at_most_its_share(tmp_path: Path) -> None:
     assert grade(rubric, class_of()[:4], late=True).earned == 65.0
 
 
+def test_a_late_submission_with_less_than_all_points_and_more_than_its_share_has_its_share(
+    tmp_path: Path,
+) -> None:
+    rubric = made(tmp_path, lambda data: data.update(late={"at_most": 0.6}))
+    some = class_of()[:4]
+    assert grade(rubric, some).earned == 65.0
+    late = grade(rubric, some, late=True)
+    assert (late.earned, late.because) == (60.0, ("late: at most 60%",))
+
+
 @pytest.mark.parametrize(
     ("state", "found"),
     [

@@ -129,6 +129,26 @@ def checks_of(plain: Path, tmp_path_factory: pytest.TempPathFactory) -> Verdicts
     return checks
 
 
+@pytest.mark.parametrize(("part", "kind"), [(0.3, "stamp-not-advancing"), (0.05, None)])
+def test_stamps_may_stand_still_in_a_tenth_of_the_messages(
+    plain: Path, tmp_path: Path, part: float, kind: str | None
+) -> None:
+    repeats = round(1 / part)
+    count = iter(range(10**6))
+    before: list[Any] = []
+
+    def stand(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/scan":
+            if before and next(count) % repeats == 0:
+                sent.said.header.stamp = before[-1]
+            before.append(sent.said.header.stamp)
+        yield sent
+
+    run = rewritten(plain, tmp_path / "run", stand)
+    behaviour = judge_recording(run, the_lab(), "08", whole=True).behaviour
+    assert {check.name: check.kind for check in behaviour.checks}["rates"] == kind
+
+
 @pytest.mark.parametrize("kind", RECORDINGS)
 def test_a_recording_shows_its_kind_of_fault(checks_of: Verdicts, kind: FaultKind) -> None:
     assert {check.name: check.kind for check in checks_of(kind)}[RECORDINGS[kind][1]] == kind

@@ -48,6 +48,15 @@ def test_a_namespace_counts_from_the_node_on_and_once() -> None:
     assert "/world/graph/own/clock" in topics(stage)
 
 
+def test_a_namespace_on_a_node_without_a_type_moves_no_node_below_it() -> None:
+    stage = read(
+        {"define": ["/World/left", "OmniGraphNode"]},
+        {"declare": ["/World/left.isaac:namespace", "string", "left"]},
+        {"copy": ["ROS_Clock", "/World/left/ROS_Clock"]},
+    )
+    assert topics(stage).count("/clock") == 2
+
+
 def test_only_what_stands_below_the_applications_own_prims_is_ignored() -> None:
     for top, count in (("/Replicator", 1), ("/ReplicatorX", 2), ("/Render", 1), ("/Renderer", 2)):
         stage = read({"define": [top, "Xform"]}, {"copy": ["ROS_Clock", f"{top}/ROS_Clock"]})

@@ -15,17 +15,18 @@ def node(name: str, values: dict[str, Any] | None = None, **targets: str) -> Nod
     """A node of a type, with values at its inputs and no wires; the others have their defaults."""
     node_type = load_platform().get(name)
     assert node_type is not None
+    defaults = {port.short: port.default for port in node_type.ports.values()}
+    given = values or {}
     bare = SceneNode(
         "/Graph/node",
         name,
         node_type.version,
-        {},
+        {f"inputs:{port}": given[port] for port in given if port not in defaults},  # added to it
         {f"inputs:{port}": (path,) for port, path in targets.items()},
     )
-    defaults = {port.short: port.default for port in node_type.ports.values()}
     function = function_of(node_type)
     assert function is not None
-    return NodeInstance(bare.path, node_type, function, {}, bare, {**defaults, **(values or {})})
+    return NodeInstance(bare.path, node_type, function, {}, bare, {**defaults, **given})
 
 
 def world(**known: Any) -> Any:
