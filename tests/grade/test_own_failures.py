@@ -86,6 +86,21 @@ def test_the_class_is_graded_and_the_student_is_named(
     assert ana["verdicts"]["01"] in {"fail", "unreadable"}
 
 
+def test_of_two_stages_over_which_the_program_fails_the_first_is_named(tmp_path: Path) -> None:
+    add_failing_rule("W99", "graph", KeyError, "odd")
+    found = judged(submission(tmp_path / "ana", "01", "02"), tmp_path)
+    assert len(found["crashes"]) > 1
+    assert found["reason"].startswith(f"{CLOCK}: ")
+
+
+def test_of_two_archives_that_cannot_be_read_the_first_is_named(tmp_path: Path) -> None:
+    for name in ("b.zip", "a.zip"):
+        (tmp_path / "ana" / name).parent.mkdir(exist_ok=True)
+        (tmp_path / "ana" / name).write_bytes(b"PK\x03\x04 not an archive")
+    found = judged(tmp_path / "ana", tmp_path)
+    assert found["reason"].startswith("a.zip: ")
+
+
 @FAILURES
 def test_the_report_says_that_it_was_the_program(
     tmp_path: Path, monkeypatch: pytest.MonkeyPatch, fails: Callable[[pytest.MonkeyPatch], None]

@@ -149,6 +149,22 @@ def test_stamps_may_stand_still_in_a_tenth_of_the_messages(
     assert {check.name: check.kind for check in behaviour.checks}["rates"] == kind
 
 
+@pytest.mark.parametrize(("speed", "kind"), [(0.05, "stopped-clock"), (0.3, None)])
+def test_a_clock_may_run_slowly(
+    plain: Path, tmp_path: Path, speed: float, kind: str | None
+) -> None:
+    def slow(sent: Sent) -> Iterator[Sent]:
+        if sent.topic == "/clock":
+            now = sent.said.clock
+            passed = round((now.sec * 10**9 + now.nanosec) * speed)
+            now.sec, now.nanosec = divmod(passed, 10**9)
+        yield sent
+
+    run = rewritten(plain, tmp_path / "run", slow)
+    behaviour = judge_recording(run, the_lab(), "08", whole=True).behaviour
+    assert {check.name: check.kind for check in behaviour.checks}["clock"] == kind
+
+
 @pytest.mark.parametrize("kind", RECORDINGS)
 def test_a_recording_shows_its_kind_of_fault(checks_of: Verdicts, kind: FaultKind) -> None:
     assert {check.name: check.kind for check in checks_of(kind)}[RECORDINGS[kind][1]] == kind

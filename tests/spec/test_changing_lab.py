@@ -75,6 +75,14 @@ def test_nothing_grows_on_an_optional_stage(built: Path) -> None:
     assert [name for name, stage in stages.items() if stage.GetPrimAtPath(JOINTS)] == [BONUS]
 
 
+def test_a_stage_after_an_optional_one_has_what_the_last_required_one_had(lab: Lab) -> None:
+    points = list(lab.checkpoints.values())
+    (bonus,) = [number for number, point in enumerate(points) if point.optional]
+    before, own, after = points[bonus - 1 : bonus + 2]
+    assert after.graphs == (*before.graphs, *after.new)
+    assert not {*own.new} & {*after.graphs}
+
+
 def test_another_value_than_that_of_the_checkpoint_is_an_error(
     lab: Lab, built: Path, tmp_path: Path
 ) -> None:
