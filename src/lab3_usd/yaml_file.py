@@ -134,7 +134,8 @@ _ENTRY = "entry "  # what stands for a name in a list
 def record(data: Any, kind: type[_T], where: str) -> _T:
     """Return `data` as a value of `kind`, a type that msgspec knows.
 
-    A record may have `FORMER` names of its keys, and those that they have now.
+    A record may have `FORMER` names of its keys, with those that they have now, and keys that are
+    `GONE`, with what to write instead.
 
     Raises:
         SpecError: it is none; the line opens with `where` and names the key.
@@ -181,6 +182,8 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:
         for key in data if kind.__struct_config__.forbid_unknown_fields else ():
             if key in getattr(kind, "FORMER", {}):
                 return [], f"{key!r} is called {kind.FORMER[key]!r} now"
+            if key in getattr(kind, "GONE", {}):
+                return [], f"{key!r} is gone: {kind.GONE[key]}"
             if key not in known:
                 return [], f"{key!r} is not known; known are {', '.join(known)}"
         for name, field in known.items():

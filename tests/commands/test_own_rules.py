@@ -141,6 +141,12 @@ def test_its_manual_is_a_page_like_others(trusted: tuple[str, Path]) -> None:
             "from lab3_usd.own_rules import own_rule\nown_rule('UV01', 'x')(lambda subject: ())\n",
             "its letters are those of a family",
         ),
+        (
+            "from lab3_usd.own_rules import own_rule\n\n"
+            "@own_rule('ACME01', 'x')\ndef one(subject): ...\n\n"
+            "@own_rule('ACME01', 'y')\ndef two(subject): ...\n",
+            r"ACME01 is taken by x at .*acme_rules.py:3; ACME02 is free",
+        ),
     ],
 )
 def test_a_file_without_rules_is_wrong_use(

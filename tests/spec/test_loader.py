@@ -11,15 +11,16 @@ from typing import Any
 
 import pytest
 import quick_yaml
+from mini_lab import MINI
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.load.lab_types import with_lab_types
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.checkpoints import accumulate, read_checkpoint_file
+from lab3_usd.spec.load.checkpoints import FORMAT, accumulate, read_checkpoint_file
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.load.lab import parse_scene
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import assemble, load_lab, load_platform
 from lab3_usd.yaml_file import read_yaml
 
 Data = dict[str, Any]
@@ -323,6 +324,14 @@ WRONG_SCENES = {
     "former key of a sensor": (
         put("sensors", "camera", "looks", value={}),
         ("camera: 'looks' is called 'view' now",),
+    ),
+    "key of a sensor's value that is gone": (
+        put("sensors", "lidar", "attributes", "omni:sensor:tickRate", "unset", value="x"),
+        ("'unset' is gone: leave it out, what is not set has the value of its schema",),
+    ),
+    "key of a scan that is gone": (
+        put("sensors", "lidar", "scan", "rising", value=["x"]),
+        ("scan: 'rising' is gone: leave it out, the schema",),
     ),
     "view in words": (put("sensors", "camera", "view", "up", value="Z"), ("view", "'up'")),
     "scan without limits": (drop("sensors", "lidar", "scan", "whole"), ("lidar", "scan", "whole")),
@@ -639,3 +648,17 @@ def test_a_node_without_a_section_is_in_that_of_its_graph(folder: Path) -> None:
     edited(folder / CLOCK, lambda data: [node.pop("handout") for node in data["nodes"].values()])
     graph = load_lab(folder).graphs["ROS_Clock"]
     assert {node.handout for node in graph.nodes.values()} == {graph.handout}
+
+
+def test_a_lab_of_a_later_format_is_refused(tmp_path: Path) -> None:
+    folder = shutil.copytree(MINI, tmp_path / "lab")
+    checkpoints = folder / "checkpoints.yaml"
+    checkpoints.write_text(f"format: {FORMAT + 1}\n{checkpoints.read_text()}")
+    with pytest.raises(SpecError, match="this release reads up to 1; install a newer one"):
+        assemble(folder)
+
+
+def test_a_lab_without_a_format_is_read(tmp_path: Path) -> None:
+    folder = shutil.copytree(MINI, tmp_path / "lab")
+    assert "format:" not in (folder / "checkpoints.yaml").read_text()
+    assert assemble(folder).title == "Mini"

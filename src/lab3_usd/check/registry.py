@@ -242,7 +242,10 @@ def rule(  # noqa: PLR0913 - decorators name them
     def register(check: Check) -> Check:
         known = _RULES.get(rule_id)
         if known is not None and _origin(known.check) != _origin(check):
-            raise ValueError(f"rule {rule_id} is registered twice")
+            raise ValueError(
+                f"rule {rule_id} is taken by {known.name} at {_place(known.check)}; "
+                f"{_free_id(rule_id)} is free"
+            )
         _RULES[rule_id] = Rule(
             rule_id, name, severity, scope, check, "", formerly, demands, counted, needs
         )
@@ -253,6 +256,20 @@ def rule(  # noqa: PLR0913 - decorators name them
         return check
 
     return register
+
+
+def _place(check: Check) -> str:
+    code = check.__code__
+    return f"{code.co_filename}:{code.co_firstlineno}"
+
+
+def _free_id(rule_id: str) -> str:
+    """Return the id after the last one of the same letters."""
+    letters = rule_id.rstrip("0123456789")
+    numbers = [
+        int(name.removeprefix(letters)) for name in _RULES if name.rstrip("0123456789") == letters
+    ]
+    return f"{letters}{max(numbers) + 1:0{len(rule_id) - len(letters)}}"
 
 
 def own_rules() -> dict[str, Rule]:

@@ -20,7 +20,7 @@ from lab3_usd.new_lab.yaml_text import document
 from lab3_usd.spec.contradictions.names import FRAME_FIELDS, GraphTopic, graph_topics, value_of
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab
-from lab3_usd.spec.load.checkpoints import is_checkpoint_id
+from lab3_usd.spec.load.checkpoints import FORMAT, is_checkpoint_id
 from lab3_usd.spec.scene import SCENE_GROUP
 from lab3_usd.spec.submission import TEAM
 
@@ -246,7 +246,7 @@ def checkpoints_text(
     head = document(
         "The checkpoints: the additions of each, and the rules for all of them.\n"
         "Parts and sections of the handout are placeholders, here and in the graphs: write yours.",
-        {"title": title, "files": names.pattern, **release},
+        {"format": FORMAT, "title": title, "files": names.pattern, **release},
         {"files": "Names of the stages, without extension."},
     )
     # The type of the nodes that start most executions of the graphs.

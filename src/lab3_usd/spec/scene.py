@@ -249,6 +249,10 @@ class ForbiddenPrims(Struct, frozen=True, forbid_unknown_fields=True):
 class SensorAttribute(Struct, frozen=True, forbid_unknown_fields=True):
     """A value of a sensor; the checker requires it if it is `required`."""
 
+    GONE: ClassVar[Mapping[str, str]] = {
+        "unset": "leave it out, what is not set has the value of its schema"
+    }
+
     type: str
     value: Any
     required: bool | str = False  # a text: only where it is written
@@ -290,6 +294,10 @@ class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
     `elevation` ends the name of their angles, whose limit is `level`. `ranges` are the near and far
     range.
     """
+
+    GONE: ClassVar[Mapping[str, str]] = dict.fromkeys(
+        ("above_zero", "rising"), "leave it out, the schema of the sensor limits its values"
+    )
 
     handout: str
     emitters: str

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, TypeVar
+from typing import Any, ClassVar, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -24,6 +24,7 @@ from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
 from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import record
 
+FORMAT = 1  # of the files of a lab; what is older than that has no number
 _PLACEHOLDERS = ("{id}", "{name}", TEAM)
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _Since = TypeVar("_Since", TopicSpec, HandoutReference, GoalSpec, Command, LocalizationSpec)
@@ -52,6 +53,10 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
     ones ask for nothing that it adds.
     """
 
+    GONE: ClassVar[Mapping[str, str]] = {
+        "file": "write its part of the name as `name`, and the pattern of all as `files` above"
+    }
+
     name: str
     title: str
     part: str
@@ -63,7 +68,8 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
 class CheckpointsFile(Struct, forbid_unknown_fields=True):
     """The checkpoints in order, and the rules for all of them.
 
-    `isaac` is the release of Isaac Sim that the course uses.
+    `isaac` is the release of Isaac Sim that the course uses. `format` is the version of the form
+    in which the files of the lab are written; it grows when a key gets another name or is gone.
     """
 
     title: str
@@ -73,6 +79,7 @@ class CheckpointsFile(Struct, forbid_unknown_fields=True):
     frames: FrameSpec = FrameSpec("")
     handout: Handout = Handout()
     isaac: str = "6.0"
+    format: int = FORMAT
 
 
 class CheckpointFile(Struct, frozen=True):
@@ -99,6 +106,12 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     Raises:
         SpecError: something is missing or wrong; the line names the key.
     """
+    written = data.get("format", 0)
+    if isinstance(written, int) and written > FORMAT:
+        raise SpecError(
+            f"{CHECKPOINTS}: format is {written}, and this release reads up to {FORMAT}; install a "
+            "newer one"
+        )
     content = record(data, CheckpointsFile, CHECKPOINTS)
     if "{id}" not in content.files:
         wrong = f"'{content.files}' does not contain {{id}}, which distinguishes stages"
