@@ -128,6 +128,16 @@ def test_its_manual_is_a_page_like_others(trusted: tuple[str, Path]) -> None:
     assert "ACME01" not in all_rules()
 
 
+TAKEN_TWICE = """from lab3_usd.own_rules import own_rule
+
+@own_rule('ACME01', 'x')
+def one(subject): ...
+
+@own_rule('ACME01', 'y')
+def two(subject): ...
+"""
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -142,9 +152,7 @@ def test_its_manual_is_a_page_like_others(trusted: tuple[str, Path]) -> None:
             "its letters are those of a family",
         ),
         (
-            "from lab3_usd.own_rules import own_rule\n\n"
-            "@own_rule('ACME01', 'x')\ndef one(subject): ...\n\n"
-            "@own_rule('ACME01', 'y')\ndef two(subject): ...\n",
+            TAKEN_TWICE,
             r"ACME01 is taken by x at .*acme_rules.py:3; ACME02 is free",
         ),
     ],
