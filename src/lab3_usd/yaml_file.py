@@ -179,13 +179,9 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:
     kind = _meant(data, kind)
     if _is_record(kind) and isinstance(data, dict):
         known = {field.encode_name: field for field in _fields(kind)}
-        for key in data if kind.__struct_config__.forbid_unknown_fields else ():
-            if key in getattr(kind, "FORMER", {}):
-                return [], f"{key!r} is called {kind.FORMER[key]!r} now"
-            if key in getattr(kind, "GONE", {}):
-                return [], f"{key!r} is gone: {kind.GONE[key]}"
-            if key not in known:
-                return [], f"{key!r} is not known; known are {', '.join(known)}"
+        unknown = [key for key in data if key not in known]
+        if unknown and kind.__struct_config__.forbid_unknown_fields:
+            return [], _unknown_key(unknown[0], kind, known)
         for name, field in known.items():
             if field.required and name not in data:
                 return [], f"'{name}' is missing"
@@ -206,6 +202,15 @@ def _refusal(data: Any, kind: Any) -> str:
     except msgspec.ValidationError as error:
         return str(error).partition(" - at `")[0]
     return "is refused"
+
+
+def _unknown_key(key: Any, kind: Any, known: Iterable[str]) -> str:
+    former, gone = getattr(kind, "FORMER", {}), getattr(kind, "GONE", {})
+    if key in former:
+        return f"{key!r} is called {former[key]!r} now"
+    if key in gone:
+        return f"{key!r} is gone: {gone[key]}"
+    return f"{key!r} is not known; known are {', '.join(known)}"
 
 
 @cache
