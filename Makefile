@@ -10,7 +10,7 @@ NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu:
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint pytest coverage test-all test-pythons test-lowest bench sweep crosscheck agree fuzz odd \
-	clean
+	site dist clean
 
 help:
 	@echo "make demo          set up, build the nine checkpoint stages into $(OUT)/ and check them"
@@ -25,6 +25,8 @@ help:
 	@echo "make agree         ask five commands about every stage of the tests, and count contradictions"
 	@echo "make fuzz          throw damaged files at the program"
 	@echo "make odd           run the commands on stages with odd values"
+	@echo "make site          build the documentation as one site into $(OUT)/site"
+	@echo "make dist          build wheel and source archive into dist, and check their descriptions"
 	@echo "make clean         remove environments, caches and built files"
 
 demo: $(VENV)/run
@@ -89,6 +91,17 @@ fuzz: $(VENV)/dev
 
 odd: $(VENV)/dev
 	$(BIN)/python benchmarks/odd_values.py
+
+site: $(VENV)/dev
+	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
+# What a release uploads (.github/workflows/release.yml).
+dist: $(VENV)/python
+	$(BIN)/python -m venv --clear .venv-dist
+	.venv-dist/bin/python $(PIP) build twine
+	rm -rf dist
+	.venv-dist/bin/python -m build --quiet
+	.venv-dist/bin/twine check --strict dist/*
 
 clean:
 	rm -rf .venv .venv-* $(OUT) build dist .coverage .coverage.* htmlcov

@@ -1,0 +1,59 @@
+"""Hooks of MkDocs: bring README and its like into the site, and lead other links out of it."""
+
+from __future__ import annotations
+
+import os
+import re
+from pathlib import Path, PurePosixPath
+from typing import TYPE_CHECKING
+
+from mkdocs.structure.files import File
+
+if TYPE_CHECKING:
+    from mkdocs.config.defaults import MkDocsConfig
+    from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
+
+ROOT = Path(__file__).parents[1]
+# Pages of the repository by their places in the site.
+OUTSIDE = {
+    "index.md": "README.md",
+    "SECURITY.md": "SECURITY.md",
+    "CONTRIBUTING.md": "CONTRIBUTING.md",
+    "CHANGELOG.md": "CHANGELOG.md",
+    "benchmarks/README.md": "benchmarks/README.md",
+    "schema/README.md": "schema/README.md",
+}
+_LINK = re.compile(r"(\]\()([^)#\s]*)(#[^)\s]*)?(\))")
+_PREPARATION = re.compile(r"<!-- before:.*?-->\n*", re.DOTALL)
+_FENCE = re.compile(r"^(\s*```)(\w+) \S.*$", re.MULTILINE)
+
+
+def on_files(files: Files, config: MkDocsConfig) -> Files:
+    """Add the pages that stand outside of docs/."""
+    for place, source in OUTSIDE.items():
+        content = (ROOT / source).read_text(encoding="utf-8")
+        files.append(File.generated(config, place, content=content))
+    return files
+
+
+def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Files) -> str:
+    """Make links of the repository links of the site, and leave out what only tests read."""
+    place = page.file.src_uri
+    source = PurePosixPath(OUTSIDE.get(place, f"docs/{place}"))
+    own = {repository: site for site, repository in OUTSIDE.items()}
+
+    def link(match: re.Match[str]) -> str:
+        target, anchor = match[2], match[3] or ""
+        if not target or "://" in target or target.startswith("mailto:"):
+            return match[0]
+        path = os.path.normpath(source.parent / target).replace(os.sep, "/")
+        site = own.get(path) or path.removeprefix("docs/")
+        file = files.get_file_from_path(site)
+        if file is None or not file.inclusion.is_included():
+            return f"{match[1]}{config.repo_url}/blob/main/{path}{anchor}{match[4]}"
+        near = os.path.relpath(site, PurePosixPath(place).parent).replace(os.sep, "/")
+        return f"{match[1]}{near}{anchor}{match[4]}"
+
+    text = _PREPARATION.sub("", markdown)
+    return _LINK.sub(link, _FENCE.sub(r"\1\2", text))
