@@ -1,4 +1,4 @@
-"""Author and check the USD stages of the TurtleBot 3 lab, without Isaac Sim and without a GPU.
+"""Lint, repair, simulate and write the graphs of Isaac Sim stages, from the USD file alone.
 
 The library in short:
 

@@ -1,0 +1,63 @@
+"""What others find the project by, and what a release does up to the upload."""
+
+from __future__ import annotations
+
+import re
+
+import quick_yaml
+from places import REPOSITORY
+
+from lab3_usd.commands.table import COMMANDS
+
+WORKFLOW = REPOSITORY / ".github" / "workflows" / "release.yml"
+SKILL = REPOSITORY / "skills" / "lab3-usd" / "SKILL.md"
+
+
+def version() -> str:
+    found = re.search(
+        r'^version = "(.+)"$', (REPOSITORY / "pyproject.toml").read_text(), re.MULTILINE
+    )
+    assert found is not None
+    return found[1]
+
+
+def test_the_change_log_has_the_version_of_the_package() -> None:
+    assert f"## [{version()}]" in (REPOSITORY / "CHANGELOG.md").read_text()
+
+
+def test_a_citation_names_the_version_of_the_package() -> None:
+    citation = quick_yaml.load((REPOSITORY / "CITATION.cff").read_text())
+    assert citation["version"] == version()
+
+
+def test_pages_name_the_version_of_the_package() -> None:
+    for page in ("docs/ci.md", "docs/examples/workflow.yml"):
+        named = re.findall(r"(?:@|rev: )v(\d+\.\d+\.\d+)", (REPOSITORY / page).read_text())
+        assert set(named) == {version()}, page
+
+
+def test_nothing_is_uploaded_that_was_not_tested_and_checked() -> None:
+    jobs = quick_yaml.load(WORKFLOW.read_text())["jobs"]
+    runs = [step.get("run") for step in jobs["build"]["steps"]]
+    assert runs.index("make test") < runs.index("make dist") < len(runs) - 1
+    assert jobs["publish"]["needs"] == "build"
+
+
+def test_only_the_job_that_uploads_may_sign_and_write() -> None:
+    content = quick_yaml.load(WORKFLOW.read_text())
+    assert content["permissions"] == {"contents": "read"}
+    assert "permissions" not in content["jobs"]["build"]
+    assert set(content["jobs"]["publish"]["permissions"]) == {"id-token", "contents"}
+
+
+def test_the_skill_has_the_name_of_its_folder_and_says_when_to_use_it() -> None:
+    _, head, _ = SKILL.read_text().split("---\n", 2)
+    fields = quick_yaml.load(head)
+    assert fields["name"] == SKILL.parent.name
+    assert "Use it when" in fields["description"]
+    assert len(fields["description"]) <= 1024
+
+
+def test_the_skill_names_commands_that_exist() -> None:
+    named = set(re.findall(r"`lab3 (\w+)", SKILL.read_text()))
+    assert named <= set(COMMANDS)
