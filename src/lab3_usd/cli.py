@@ -76,6 +76,11 @@ class LazyGroup(click.Group):
         self, ctx: click.Context, args: list[str]
     ) -> tuple[str | None, click.Command | None, list[str]]:
         """Find the called command; for an unknown name, suggest similar ones."""
+        if args[0] == "help":  # as git and cargo have it
+            args = [*args[1:2], "--help"]
+            if len(args) == 1:
+                click.echo(ctx.get_help())
+                ctx.exit()
         name = args[0]
         if name not in COMMANDS and not name.startswith("-"):
             from difflib import get_close_matches
@@ -143,9 +148,9 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
     if named is None or (given is None and not is_zip):
         return
     if not is_zip and not Path(named).is_dir():
-        raise UsageError(
-            f"{named}: there is no such folder or zip; --lab names one that describes a lab"
-        )
+        is_there = Path(named).exists()
+        fault = "is neither a folder nor a zip" if is_there else "there is no such folder or zip"
+        raise UsageError(f"{named}: {fault}; --lab names one that describes a lab")
     if given is not None:
         context.meta[LAB_VARIABLE] = given
     folder = Path(named).resolve()

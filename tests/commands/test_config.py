@@ -307,3 +307,8 @@ def test_grading_heeds_no_file_of_a_submission(tmp_path: Path) -> None:
     graded = json.loads((tmp_path / "book" / "students" / "ana" / "report.json").read_text())
     told = {each["rule"] for result in graded["results"] for each in result["findings"]}
     assert {"P01", "W01"} <= told
+
+
+def test_a_path_that_is_not_there_has_no_configuration(tmp_path: Path) -> None:
+    with pytest.raises(UsageError, match="there is no such file or folder"):
+        lab3("config", tmp_path / "gone")

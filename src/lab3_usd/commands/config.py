@@ -11,9 +11,10 @@ import click
 from lab3_usd.commands.shared.options import config_options
 from lab3_usd.commands.shared.paths import Input
 from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.errors import UsageError
 
 _DEFAULTS = {
-    "rules": "none of one's own",
+    "rules": "no custom rules",
     "select": "all rules",
     "ignore": "no rules",
     "per-file-ignores": "none",
@@ -39,6 +40,8 @@ def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
     """
     from lab3_usd.config.settings import Config, config_for, load_config
 
+    if not path.exists():
+        raise UsageError(f"{path}: there is no such file or folder")
     if isolated:
         config = Config()
     else:

@@ -1,4 +1,4 @@
-"""`lab3 rules`: the rules of a lab with severity and what each is about, by family."""
+"""`lab3 rules`: the rules of lint and of a lab, with severity and what each is about, by family."""
 
 from __future__ import annotations
 
@@ -10,6 +10,7 @@ import click
 from lab3_usd.check.manual import rules_in, rules_of_lab
 from lab3_usd.check.registry import Rule, families
 from lab3_usd.commands.shared.options import own_rules_option, terminal_width, use_own_rules
+from lab3_usd.data import own_lab
 from lab3_usd.report.safe_text import folded
 from lab3_usd.spec.load.loader import load_lab
 
@@ -17,16 +18,23 @@ LEAST = 72  # columns that a list is wrapped to
 
 
 @click.command("rules")
-@click.option("--all", "whole", is_flag=True, help="Also those of lab3 lint and of other labs.")
+@click.option(
+    "--all", "whole", is_flag=True, help="Also those of other labs and of other validators."
+)
 @own_rules_option
 def command(*, whole: bool, config_file: str | None) -> None:
-    """List the rules that apply to the lab: id, severity, name and fault.
+    """List the rules of lab3 lint and those of the lab: id, severity, name and fault.
+
+    With --lab, only those of that lab.
 
     `lab3 rule ID` explains one.
     """
     use_own_rules(config_file)
     lab = load_lab()
-    rules = rules_in(lab) if whole else rules_of_lab(lab)
+    rules = rules_in(lab)
+    if not whole:
+        linted = {} if own_lab() else {name: r for name, r in rules.items() if r.scope == "lint"}
+        rules = linted | rules_of_lab(lab)
     click.echo("\n".join(rule_lines(list(rules.values()))))
 
 
