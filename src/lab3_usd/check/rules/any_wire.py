@@ -133,7 +133,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 severity="warning" if kind.is_documented else None,
                 hint=_hint_in_script(near, subject),
                 fix=(RenameProperty(wire.node.path, wire.port, near),)
-                if near and near not in wire.node.ports
+                if near and (near not in wire.node.ports or subject.stage.build is not None)
                 else (),
             )
 
