@@ -42,6 +42,8 @@ def same_value(was: Value | None, now: Value | None, *, near_zero: float = 1e-12
         return was is now
     if isinstance(was, (int, float)) and isinstance(now, (int, float)):
         is_whole = isinstance(was, int) and isinstance(now, int)
+        if math.isnan(was) and math.isnan(now):
+            return True
         return not is_whole and math.isclose(was, now, rel_tol=NOISE, abs_tol=near_zero)
     return was == now
 

@@ -161,11 +161,12 @@ def same_usd_value(was: Any, now: Any, tolerance: float) -> bool:
 
 
 def _same_numbers(was: Any, now: Any, tolerance: float) -> bool:
-    before, after = list(_numbers(was)), list(_numbers(now))
-    if len(before) != len(after):
+    before, after = _numbers(was), _numbers(now)
+    if before is None or after is None or len(before) != len(after):
         return False
     if not all(map(math.isfinite, (*before, *after))):
-        return all(a == b for a, b in zip(before, after, strict=True))  # what is no number differs
+        pairs = zip(before, after, strict=True)
+        return all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in pairs)
     if isinstance(was, _QUATERNIONS) and math.fsum(map(operator.mul, before, after)) < 0:
         after = [-part for part in after]
     pairs = zip(before, after, strict=True)
@@ -174,21 +175,21 @@ def _same_numbers(was: Any, now: Any, tolerance: float) -> bool:
     return all(math.isclose(a, b, rel_tol=tolerance, abs_tol=near) for a, b in pairs)
 
 
-def _numbers(value: Any) -> Iterator[float]:
-    """Yield every number of a value; what holds none yields a value that equals nothing."""
+def _numbers(value: Any) -> list[float] | None:
+    """Return every number of a value, None where it holds something else."""
     if isinstance(value, (int, float)):
-        yield math.copysign(math.inf, value) if abs(value) >= _LARGEST else float(value)
-    elif isinstance(value, _QUATERNIONS):
-        yield from (float(value.GetReal()), *map(float, value.GetImaginary()))
-    elif isinstance(value, (str, Sdf.AssetPath)):
-        yield math.nan
-    else:
-        try:
-            parts = list(value)
-        except TypeError:
-            parts = [math.nan]
-        for part in parts:
-            yield from _numbers(part)
+        number = math.copysign(math.inf, value) if abs(value) >= _LARGEST else float(value)
+        return [number]
+    if isinstance(value, _QUATERNIONS):
+        return [float(value.GetReal()), *map(float, value.GetImaginary())]
+    if isinstance(value, (str, Sdf.AssetPath)):
+        return None
+    try:
+        parts = [_numbers(part) for part in value]
+    except TypeError:
+        return None
+    known = [part for part in parts if part is not None]
+    return [number for part in known for number in part] if len(known) == len(parts) else None
 
 
 def same_asset(was: Sdf.AssetPath, now: Sdf.AssetPath) -> bool:
