@@ -119,6 +119,8 @@ def type_lines(types: Types, indent: str) -> Iterator[str]:
         yield f"{indent}  version: {entry.get('version', 1)}"
         yield f"{indent}  name: {json.dumps(title)}"
         yield f"{indent}  prim: {prim_name(title)}"
+        if entry.get("is_open"):
+            yield f"{indent}  is_open: true"
         for side in SIDES:
             if entry.get(side):
                 yield f"{indent}  {side}:"
@@ -218,8 +220,9 @@ def release_lines(
     has: Types, changed: Mapping[str, Mapping[str, Any]], indent: str
 ) -> Iterator[str]:
     """Yield the types that a release has more, and what it has otherwise of the others."""
-    yield f"{indent}has:"
-    yield from type_lines(has, f"{indent}  ")
+    if has:
+        yield f"{indent}has:"
+        yield from type_lines(has, f"{indent}  ")
     yield f"{indent}types:"
     for name, changes in changed.items():
         if changes:

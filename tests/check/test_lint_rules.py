@@ -18,7 +18,11 @@ from lab3_usd.model.finding import ordered
 FOLDER = TESTS / "lint_cases"
 CASES = {path.stem: quick_yaml.load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
 TRIGGERS = {
-    f"{rule} {name}".strip(): {"robot": case.get("robot", "rover"), **entry}
+    f"{rule} {name}".strip(): {
+        "robot": case.get("robot", "rover"),
+        "from": case.get("from", ""),
+        **entry,
+    }
     for rule, case in CASES.items()
     for name, entry in {"": case, **case.get("more", {})}.items()
 }
@@ -33,7 +37,8 @@ def test_nothing_is_said_of_a_robot_that_works(robot: str) -> None:
 @cache
 def results(name: str) -> RuleResults:
     case = TRIGGERS[name]
-    return linted(broken_robot(case["robot"], case["break"]))
+    stage = broken_robot(case["robot"], case["break"])
+    return linted(stage, case.get("isaac", "6.0"), case.get("from", ""))
 
 
 @pytest.mark.parametrize("rule", CASES)
@@ -58,7 +63,9 @@ def test_what_is_only_alike_does_not_trigger_the_rule(rule: str) -> None:
     for name, known in {"": case["clear"], **case.get("alike", {})}.items():
         alike = known if isinstance(known, dict) else {"steps": known}
         robot = alike.get("robot", case.get("robot", "rover"))
-        found = found_by(rule, broken_robot(robot, alike["steps"]))
+        stage = broken_robot(robot, alike["steps"])
+        release, moved_from = alike.get("isaac", "6.0"), alike.get("from", case.get("from", ""))
+        found = found_by(rule, stage, release, moved_from)
         assert (found.crashes, found.findings) == ((), ()), name
 
 

@@ -263,7 +263,7 @@ def test_what_the_linter_finds_is_marked_in_any_stage(robot: Path, tmp_path: Pat
 def test_a_linted_stage_has_no_checkpoint(robot: Path, tmp_path: Path) -> None:
     out = ("-o", tmp_path / "out")
     assert "exclude each other" in refused(robot, "--lint", "--checkpoint", "01", *out)
-    assert "goes with --lint" in refused(robot, "--isaac", "5.1", *out)
+    assert "the lab names the release" in refused("ROS_Clock", "--isaac", "5.1", *out)
 
 
 @pytest.fixture(scope="module")

@@ -118,7 +118,7 @@ def test_several_processes_find_the_same(broken: Path) -> None:
     ("arguments", "message"),
     [
         (["no.usda"], "there is no such file or folder"),
-        (["{stage}", "--isaac", "4.0"], "known are 5.0, 5.1, 6.0"),
+        (["{stage}", "--isaac", "4.0"], "known are 2022.2, 2023.1, 4.2"),
         (["{stage}", "--select", "Y99"], "there is no rule or family"),
         (["{stage}", "-o", "{stage}"], "name another file"),
         (["{folder}/empty"], "holds no stage"),

@@ -404,6 +404,12 @@ def test_the_reference_of_lab_files_is_up_to_date() -> None:
     assert made == page, "python docs/make_lab_files.py"
 
 
+def test_the_table_of_changes_is_up_to_date() -> None:
+    page = (DOCS / "moving.md").read_text(encoding="utf-8")
+    made = runpy.run_path(str(DOCS / "make_release_changes.py"))["page"](page)
+    assert made == page, "python docs/make_release_changes.py"
+
+
 def test_every_family_of_rules_is_introduced() -> None:
     script = runpy.run_path(str(DOCS / "make_rules.py"))
     assert set(script["FAMILY_TITLES"]) == set(script["FAMILIES"].values())

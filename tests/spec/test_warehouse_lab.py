@@ -584,7 +584,9 @@ def test_a_course_may_use_another_release(lab: Lab, built: Path, tmp_path: Path)
 
 
 def test_an_unknown_release_is_refused(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match=r"isaac: '7.1' is no release of Isaac Sim; known are 5.0"):
+    with pytest.raises(
+        SpecError, match=r"isaac: '7.1' is no release of Isaac Sim; known are 2022.2"
+    ):
         load_lab(lab_of("7.1", tmp_path / "lab"))
 
 

@@ -9,23 +9,23 @@ from pxr import Usd
 from robot_kinds import KINDS
 
 from lab3_usd.check.lint import lint
-from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import RuleResults, run_rule
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.lint import lint_platform, lint_subject
 from lab3_usd.stage.read.reader import read_model
 
 
-def linted(stage: Usd.Stage, release: str = "6.0") -> RuleResults:
-    platform = lint_platform(release)
-    model = read_model(stage, platform, "stage.usda")
-    return lint(LintSubject(model)).results
+def linted(stage: Usd.Stage, release: str = "6.0", moved_from: str = "") -> RuleResults:
+    model = read_model(stage, lint_platform(release), "stage.usda")
+    return lint(lint_subject(model, moved_from)).results
 
 
-def found_by(rule: str, stage: Usd.Stage, release: str = "6.0") -> RuleResults:
+def found_by(
+    rule: str, stage: Usd.Stage, release: str = "6.0", moved_from: str = ""
+) -> RuleResults:
     """Return what one rule finds."""
-    platform = lint_platform(release)
-    subject = LintSubject(read_model(stage, platform, "stage.usda"))
+    model = read_model(stage, lint_platform(release), "stage.usda")
+    subject = lint_subject(model, moved_from)
     return run_rule(all_rules()[rule], subject, None)
 
 

@@ -109,6 +109,7 @@ MODULES = {
         "lint_inputs",
         "lint_pace",
         "lint_clocks",
+        "lint_releases",
         "lint_wires",
         "lint_types",
         "lint_topics",

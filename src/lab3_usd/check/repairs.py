@@ -10,8 +10,9 @@ from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.facts.likely_names import likely_port
 from lab3_usd.facts.wires import connections
 from lab3_usd.isaac.names import origin
-from lab3_usd.isaac.node_types import NodeType, Port
+from lab3_usd.isaac.node_types import INPUT, NodeType, Port
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import (
     ClearValue,
     Connect,
@@ -42,6 +43,41 @@ def can_become(node: Node, kind: NodeType, stage: StageModel) -> bool:
 def is_compound(node: Node, stage: StageModel) -> bool:
     """Whether a node holds a graph, which does its work."""
     return any(graph.path.startswith(f"{node.path}/") for graph in stage.graphs)
+
+
+def folded_into_readers(node: Node, stage: StageModel) -> tuple[Edit, ...]:
+    """Return what gives the targets of a node to those that read it, and removes the node.
+
+    Nothing where a node reads it that does not do the same by itself.
+    """
+    fold = stage.platform.changes.folds.get(node.type_name)
+    readers = dict.fromkeys(
+        wire.node.path for wire in connections(stage) if wire.source_prim == node.path
+    )
+    nodes = [reader for reader in stage.nodes() if reader.path in readers]
+    if fold is None or not nodes or any(reader.type_name != fold.into for reader in nodes):
+        return ()
+    edits: list[Edit] = []
+    for reader in nodes:
+        for own, theirs in fold.targets.items():
+            if node.targets(INPUT + own):
+                edits.append(Retarget(reader.path, INPUT + theirs, node.targets(INPUT + own)))
+        for name, state in reader.ports.items():
+            kept = [path for path in state.sources if not path.startswith(f"{node.path}.")]
+            if len(kept) < len(state.sources):
+                port = None if reader.type is None else reader.type.port(name)
+                if port is not None and port.is_execution:
+                    kept += _signals(node, stage.platform)
+                usd_type = "token" if port is None else port.usd_type
+                edits.append(Connect(reader.path, name, usd_type, tuple(dict.fromkeys(kept))))
+    return (*edits, RemovePrim(node.path))
+
+
+def _signals(node: Node, platform: Platform) -> list[str]:
+    """Return what triggers a node of a type that another release has."""
+    known = platform.base.get(node.type_name)
+    names = () if known is None else known.execution_inputs
+    return [path for name in names for path in node.sources(name)]
 
 
 def edits_at(subject: GraphSubject, *properties: str) -> tuple[Edit, ...]:
@@ -114,6 +150,7 @@ class OtherNames(Struct, frozen=True, eq=False):
     """The nodes of a graph that have names of one release, and the first such name.
 
     `what` says in words which names of which release they are, `known` is what the name means.
+    Where this release does not know them, and does not rename them either, they are `is_unknown`.
     """
 
     nodes: tuple[Node, ...]
@@ -121,6 +158,7 @@ class OtherNames(Struct, frozen=True, eq=False):
     written: str
     known: str
     edits: tuple[Edit, ...] = ()
+    is_unknown: bool = False
 
     @property
     def count(self) -> str:
@@ -133,12 +171,17 @@ def other_names(graph: GraphModel, platform: Platform) -> Iterator[OtherNames]:
 
     Names that the release by which the stage is judged has, too, are no other names.
     """
+    is_early = order(platform.release) < order(platform.names.before)
+    if is_early:
+        yield from _new_names(graph, platform)
     types: dict[str, list[Node]] = {}
     ports: dict[str, list[tuple[Node, str, str]]] = {}
     for node in graph.nodes if graph.active else ():
         others = platform.other_ports(node.type_name)
         if node.type is not None and node.written_type:
             known = platform.names.types.get(node.written_type)
+            if known is None and is_early:
+                continue  # it has the names of this release
             if known is None or not platform.is_own(known.release):
                 types.setdefault(platform.names.origin(node.written_type), []).append(node)
         for name, written in node.written_ports.items():
@@ -161,6 +204,27 @@ def other_names(graph: GraphModel, platform: Platform) -> Iterator[OtherNames]:
         nodes = list({node.path: node for node, _, _ in found}.values())
         what = f"{'a port name' if len(found) == 1 else 'port names'} {where}"
         yield OtherNames(tuple(nodes), what, written, name)
+
+
+def _new_names(graph: GraphModel, platform: Platform) -> Iterator[OtherNames]:
+    """Yield the names of types that a release before the last renaming does not have."""
+    former = {
+        node.path: (node, name)
+        for node in (graph.nodes if graph.active else ())
+        if node.type is not None and not node.written_type
+        if (name := platform.names.former(node.type_name)) is not None
+    }
+    if former:
+        nodes = tuple(node for node, _ in former.values())
+        what = "a type name" if len(nodes) == 1 else "type names"
+        yield OtherNames(
+            nodes,
+            f"{what} of Isaac Sim {platform.names.before} and later",
+            nodes[0].type_name,
+            former[nodes[0].path][1],
+            tuple(SetValue(path, TYPE, "token", name) for path, (_, name) in former.items()),
+            is_unknown=True,
+        )
 
 
 def _misspelt(kind: NodeType, node: Node, name: str) -> str | None:

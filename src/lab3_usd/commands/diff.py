@@ -14,6 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.commands.shared.options import (
     assets_option,
     echo,
+    isaac_option,
     terminal_width,
     text_or_json,
     use_config,
@@ -38,12 +39,14 @@ if TYPE_CHECKING:
     help="Draw each graph that differs into this folder, as SVG.",
 )
 @click.option("--force", is_flag=True, help="Replace pictures that exist.")
+@isaac_option
 @assets_option
 def command(
     before: Path,
     after: Path,
     form: str,
     pictures: Path | None,
+    release: str | None,
     assets: tuple[str, ...],
     *,
     force: bool,
@@ -58,11 +61,14 @@ def command(
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.diff import compare_stages
+    from lab3_usd.pipeline.lint import lab_in_release
     from lab3_usd.report import diff
     from lab3_usd.spec.load.loader import load_lab
 
     use_config(before, assets)
-    comparison = compare_stages(before, after, load_lab())
+    lab = load_lab()
+    lab = lab if release is None else lab_in_release(lab, release)
+    comparison = compare_stages(before, after, lab)
     if pictures is not None:
         from lab3_usd.report.picture.svg import svg_file
 

@@ -17,6 +17,7 @@ from lab3_usd.commands.shared.options import (
     checkpoint_number,
     complete_checkpoints,
     echo,
+    isaac_option,
     scene_option,
     use_config,
 )
@@ -60,12 +61,7 @@ TREE = "TF"
     help="Judge the stage at this checkpoint.",
 )
 @click.option("--lint", is_flag=True, help="Mark the findings of lab3 lint.")
-@click.option(
-    "--isaac",
-    "release",
-    metavar="RELEASE",
-    help="With --lint: judge by this release of Isaac Sim.",
-)
+@isaac_option
 @click.option(
     "--theme",
     type=click.Choice(THEMES),
@@ -91,11 +87,11 @@ def command(target: str, folder: Path, **options: Any) -> None:
     path, form, force = Path(target), options["form"], options["force"]
     if options["lint"] and options["checkpoint"] is not None:
         raise UsageError("--lint and --checkpoint exclude each other")
-    if options["release"] is not None and not options["lint"]:
-        raise UsageError("--isaac goes with --lint")
     if options["lint"]:
         drawing = _linted(path, options["release"], options["all_ports"], options["scene"] or "")
     elif target in lab.graphs or target == TREE:
+        if options["release"] is not None:
+            raise UsageError("--isaac goes with a stage: the lab names the release of its graphs")
         drawing = Drawing([_reference(lab, target, options["all_ports"])], "")
     elif path.suffix or path.exists():
         drawing = _of_stage(lab, path, options, options["scene"] or "")
@@ -145,7 +141,7 @@ def _of_stage(
     scene: str,
 ) -> Drawing:
     from lab3_usd.check.checker import judge
-    from lab3_usd.pipeline.lint import read_any
+    from lab3_usd.pipeline.lint import lab_in_release, read_any
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.pictures.graph_picture import stage_pictures
 
@@ -155,6 +151,8 @@ def _of_stage(
         if number is None
         else checkpoint_number(number, lab.checkpoints)
     )
+    if options["release"] is not None:
+        lab = lab_in_release(lab, options["release"], number)
     stage = read_any(path, lab.platform, scene)
     stem = f"{path.stem}-"
     if number is None:

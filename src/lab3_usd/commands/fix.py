@@ -27,8 +27,6 @@ from lab3_usd.commands.shared.reporting import selected_findings
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
-    absence,
-    is_script_file,
     keep_original,
     lines_of,
     refuse_existing,
@@ -77,10 +75,7 @@ def _fix_one_of_several(stage: Path, options: Mapping[str, Any]) -> int:
 def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
     """Yield a stage, or those in and below a folder that can be judged."""
     if not path.is_dir():
-        if is_script_file(path):
-            _check_script(path, options)
-        else:
-            check_file(path)
+        check_file(path)
         yield path
         return
     files = [Path(entry.path) for entry in find_linted(str(path), options["config"])]
@@ -94,24 +89,13 @@ def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
     yield from files
 
 
-def _check_script(path: Path, options: Mapping[str, Any]) -> None:
-    """Refuse to judge a script by a lab.
-
-    Raises:
-        UsageError: its findings are not those of lint, or there is no such file.
-    """
-    if not path.exists():
-        raise UsageError(absence(path, "file or folder"))
-    if not options["lint"]:
-        raise UsageError(f"{path}: is a script and no stage; --lint repairs scripts")
-
-
 def _check_options(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
     ways = [name for name in ("diff", "output", "in_place") if options[name]]
     if len(ways) > 1:
         raise UsageError("--diff, --output and --in-place exclude each other")
-    if options["release"] is not None and not options["lint"]:
-        raise UsageError("--isaac goes with --lint")
+    for name, value in (("--isaac", "release"), ("--from", "moved_from")):
+        if options[value] is not None and not options["lint"]:
+            raise UsageError(f"{name} goes with --lint")
     output = options["output"]
     if output is None:
         return
@@ -129,12 +113,8 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
         wanted=lambda findings: selected_findings(findings, str(stage), options),
         heeds_ignores=True,
     )
-    if is_script_file(stage):
-        from lab3_usd.fix.scripts import fix_script
-
-        fixed = fix_script(stage, options["release"] or BASE, settings)
-    elif options["lint"]:
-        fixed = fix_linted(stage, options["release"] or BASE, settings)
+    if options["lint"]:
+        fixed = fix_linted(stage, options["release"] or BASE, settings, options["moved_from"] or "")
     else:
         lab, number = load_lab(), options["checkpoint"]
         given = None if number is None else checkpoint_number(number, lab.checkpoints)
@@ -178,7 +158,7 @@ def _diffs(fixed: Fixed) -> Iterator[str]:
     """Yield a unified diff of each text file, and the differences of the others as stages."""
     for path, data in fixed.files.items():
         old = fixed.states[path].content
-        if not (data.startswith(_TEXT) or is_script_file(path)):
+        if not data.startswith(_TEXT):
             yield from (f"{line}\n" for line in features.changes_to(path, data))
             continue
         before, after = (lines_of(content.decode()) for content in (old, data))
@@ -268,6 +248,12 @@ def _line(finding: Finding) -> str:
     "release",
     metavar="RELEASE",
     help="With --lint: judge by this release of Isaac Sim.",
+)
+@click.option(
+    "--from",
+    "moved_from",
+    metavar="RELEASE",
+    help="With --lint: also what this release, which the stage comes from, does otherwise.",
 )
 @click.option("--diff", is_flag=True, help="Print the changes, and write nothing.")
 @click.option("--unsafe", is_flag=True, help="Also add, remove and move prims, and what is likely.")

@@ -11,6 +11,8 @@ import click
 from lab3_usd.commands.shared.options import (
     assets_option,
     config_options,
+    from_option,
+    isaac_option,
     leave_broken_lab,
     native_option,
     report_options,
@@ -33,12 +35,8 @@ _AS_FIX = {
 
 @click.command("lint")
 @click.argument("paths", nargs=-1, required=True, type=Input())
-@click.option(
-    "--isaac",
-    "release",
-    metavar="RELEASE",
-    help="Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
-)
+@isaac_option
+@from_option
 @click.option("--fix", is_flag=True, help="List the repairs that lab3 fix --lint would make.")
 @click.option("--diff", is_flag=True, help="With --fix: print the changes.")
 @click.option("--in-place", is_flag=True, help="With --fix: make the repairs.")
@@ -74,16 +72,19 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
 
     refuse_unusable(paths, options)
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.lint import LintSettings, find_stages, lint_platform, lint_stages
+    from lab3_usd.pipeline.lint import AUTO, LintSettings, find_stages, lint_platform, lint_stages
 
     settings = LintSettings(
         options["release"] or BASE,
+        options["moved_from"] or "",
         heeds_ignores=True,
         native=wants_native(options),
         own_rules=options["config"].rules,
         scene=options["scene"] or "",
     )
-    lint_platform(settings.release)  # which refuses an unknown one
+    for release in (settings.release, settings.moved_from):
+        if release not in ("", AUTO):
+            lint_platform(release)  # which refuses an unknown one
     judge = Judge(
         find=lambda path: find_stages(path, options["config"], alone=len(paths) == 1),
         judge=lambda entries, jobs: lint_stages(entries, settings, jobs),

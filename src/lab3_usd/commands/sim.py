@@ -17,6 +17,7 @@ from lab3_usd.commands.shared.options import (
     assets_option,
     color_option,
     complete_checkpoints,
+    isaac_option,
     text_or_json,
     use_config,
 )
@@ -158,6 +159,7 @@ def _check_bag(bag: Path | None) -> None:
 )
 @text_or_json
 @color_option
+@isaac_option
 @assets_option
 @click.option("--page", type=OutputReport(path_type=Path), help="Write an HTML page to this file.")
 @click.option(
@@ -182,6 +184,7 @@ def command(stage: Path, **options: Any) -> None:
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.commands.shared.options import checkpoint_number
+    from lab3_usd.pipeline.lint import lab_in_release
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
 
@@ -194,6 +197,8 @@ def command(stage: Path, **options: Any) -> None:
     topic = options["topic"] or ""
     if checkpoint and topic:
         raise UsageError(f"--topic {topic}: at checkpoint {checkpoint} commands have a topic")
+    if options["release"] is not None:
+        lab = lab_in_release(lab, options["release"], checkpoint)
     check_live(options)
     _check_bag(options["bag"])
     if options["live"]:
@@ -212,12 +217,15 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     behaviour = run.behaviour
     findings: tuple[Finding, ...] = ()
     if any(check.verdict != "ok" for check in behaviour.checks):
-        from lab3_usd.pipeline.lint import lint_stage
+        from lab3_usd.pipeline.lint import LintSettings, lint_stage
         from lab3_usd.pipeline.stage import check_stage
 
         # What fails in the dry run, the rules know to explain and to repair.
-        judged = check_stage(stage, checkpoint, lab) if checkpoint else lint_stage(stage)
-        findings = judged.findings
+        settings = LintSettings(release=lab.platform.release)
+        if checkpoint:
+            findings = check_stage(stage, checkpoint, lab).findings
+        else:
+            findings = lint_stage(stage, settings).findings
     page, bag = options["page"], options["bag"]
     if page is not None:
         from lab3_usd.files import write_whole

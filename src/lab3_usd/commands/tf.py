@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from lab3_usd.commands.shared.options import (
     assets_option,
     echo,
+    isaac_option,
     leave_broken_lab,
     scene_option,
     terminal_width,
@@ -35,18 +37,10 @@ from lab3_usd.commands.shared.paths import Input, OutputFile
 )
 @click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
 @scene_option
+@isaac_option
 @assets_option
 @click.option("-v", "--verbose", is_flag=True, help="Name publisher and rate of each transform.")
-def command(
-    stage: Path,
-    form: str,
-    picture: Path | None,
-    assets: tuple[str, ...],
-    scene: str | None,
-    *,
-    force: bool,
-    verbose: bool,
-) -> None:
+def command(stage: Path, form: str, picture: Path | None, **options: Any) -> None:
     """Print the TF tree that a stage publishes.
 
     The transforms are those that Isaac Sim 6.0.1 would send during Play, from all graphs of STAGE,
@@ -63,6 +57,7 @@ def command(
         published_transforms,
         trees_of,
     )
+    from lab3_usd.isaac.releases import BASE
     from lab3_usd.pipeline.lint import read_ros
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
@@ -73,9 +68,9 @@ def command(
     from lab3_usd.report.topic_table import WIDTH
     from lab3_usd.spec.load.loader import load_lab
 
-    use_config(stage, assets)
+    use_config(stage, options["assets"])
     leave_broken_lab()
-    ros = read_ros(stage, scene or "")
+    ros = read_ros(stage, options["scene"] or "", options["release"] or BASE)
     _platform, model = ros.subject.platform, ros.subject.stage
     edges, hidden = all_edges(model), all_unresolved_frames(model)
     rates = {end.node.path: end.rate for end in endpoints(model)}
@@ -83,7 +78,7 @@ def command(
     tops = frozenset(top for heard in trees_of(edges) for top in ros.subject.tops(heard))
     if picture is not None:
         drawn = published_frames_picture(edges, hidden, rates, not_judged, tops)
-        write_picture(drawn, picture, force)
+        write_picture(drawn, picture, options["force"])
         echo(picture)
         return
     sent = published_transforms(model)
@@ -93,7 +88,7 @@ def command(
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates, tops)
     if form == "text":
-        lines = as_text(tree, terminal_width(), verbose=verbose)
+        lines = as_text(tree, terminal_width(), verbose=options["verbose"])
         rest = folded(f"? {not_judged}", WIDTH, rest="  ") if not_judged else []
         click.echo("\n".join([*lines, *rest]))
     else:

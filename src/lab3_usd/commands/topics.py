@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import click
 
 from lab3_usd.commands.shared.options import (
     assets_option,
     echo,
+    isaac_option,
     leave_broken_lab,
     scene_option,
     terminal_width,
@@ -36,17 +38,9 @@ from lab3_usd.commands.shared.paths import Input, OutputFile
 @click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
 @click.option("-v", "--verbose", is_flag=True, help="Also print frames, queue, QoS and rate.")
 @scene_option
+@isaac_option
 @assets_option
-def command(
-    stage: Path,
-    form: str,
-    picture: Path | None,
-    assets: tuple[str, ...],
-    scene: str | None,
-    *,
-    force: bool,
-    verbose: bool,
-) -> None:
+def command(stage: Path, form: str, picture: Path | None, **options: Any) -> None:
     """Print the topics that a stage publishes and subscribes to.
 
     For each topic: its name as ROS 2 resolves it, message type and node; with -v also frames, queue
@@ -56,6 +50,7 @@ def command(
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.facts.endpoints import endpoints
     from lab3_usd.facts.frames import all_edges, all_unresolved_frames
+    from lab3_usd.isaac.releases import BASE
     from lab3_usd.pipeline.lint import read_ros
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.picture.picture_file import write_picture
@@ -63,13 +58,15 @@ def command(
     from lab3_usd.report.safe_text import folded, printable
     from lab3_usd.report.topic_table import WIDTH, TopicReport, as_csv, as_json, as_table
 
-    use_config(stage, assets)
+    use_config(stage, options["assets"])
     leave_broken_lab()
-    ros = read_ros(stage, scene or "")
+    ros = read_ros(stage, options["scene"] or "", options["release"] or BASE)
     _platform, model = ros.subject.platform, ros.subject.stage
     ends, not_judged = endpoints(model), printable(coverage_line(ros.coverage))
     if picture is not None:
-        write_picture(topics_picture(stage.name, ends, ros.unknown, not_judged), picture, force)
+        write_picture(
+            topics_picture(stage.name, ends, ros.unknown, not_judged), picture, options["force"]
+        )
         echo(picture)
         return
     edges, hidden = all_edges(model), all_unresolved_frames(model)
@@ -79,6 +76,6 @@ def command(
     elif form == "json":
         click.echo(as_json(table))
     else:
-        columns = terminal_width() if verbose else WIDTH
-        lines = as_table(table, columns, verbose=verbose)
+        columns = terminal_width() if options["verbose"] else WIDTH
+        lines = as_table(table, columns, verbose=options["verbose"])
         click.echo("\n".join([*lines, *folded(not_judged, WIDTH)]))

@@ -8,7 +8,13 @@ from msgspec import Struct
 
 from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.endpoints import running_endpoints
-from lab3_usd.facts.execution_order import Nodes, effective_value, live_nodes, live_sources
+from lab3_usd.facts.execution_order import (
+    Nodes,
+    effective_value,
+    live_nodes,
+    live_sources,
+    running_nodes,
+)
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name
@@ -34,6 +40,17 @@ def feeding_nodes(node: Node, live: Nodes) -> list[Node]:
                     found[source.path] = source
                     ahead.append(source)
     return list(found.values())
+
+
+@once_per_stage
+def working_nodes(stage: StageModel) -> frozenset[str]:
+    """Return the paths of the nodes that run or may run, and of those whose values they use."""
+    live = live_nodes(stage)
+    return frozenset(
+        source.path
+        for node in running_nodes(stage).values()
+        for source in feeding_nodes(node, live)
+    )
 
 
 @once_per_stage

@@ -76,6 +76,20 @@ def _is_known_publisher(before: list[str], meant: str, known: Collection[str]) -
     return bool(same) and not any(kinds[name].is_documented for name in same if name in kinds)
 
 
+def meant_type(written: str, platform: Platform) -> str | None:
+    """Return the type of a release that a name was likely meant to be.
+
+    A name of an extension of before is meant by its last part: the list of new names is not whole.
+    """
+    last = written.rpartition(".")[2].removeprefix("Ogn")
+    if platform.names.is_former_extension(written):
+        types = platform.types
+        same = [name for name in types if name.rpartition(".")[2].removeprefix("Ogn") == last]
+        if len(same) == 1 and last:
+            return same[0]
+    return likely_type(written, platform.types)
+
+
 def is_unregistered(name: str, platform: Platform) -> bool:
     """Whether a type is surely none of a release: of another one, or a name for one of its own.
 
@@ -85,7 +99,7 @@ def is_unregistered(name: str, platform: Platform) -> bool:
     releases = platform.releases_of(name)
     if name in known or platform.scripts.runs(name) or platform.release in releases:
         return False
-    is_meant = name in platform.lookalikes or likely_type(name, platform.types) is not None
+    is_meant = name in platform.lookalikes or meant_type(name, platform) is not None
     return not name or bool(releases) or is_meant
 
 

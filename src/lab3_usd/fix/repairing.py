@@ -13,7 +13,6 @@ from msgspec.structs import replace
 from lab3_usd import features
 from lab3_usd.check.checker import Judgement, judge
 from lab3_usd.check.lint import lint
-from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, unwritten
@@ -22,7 +21,7 @@ from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Repair, Restore, touched
 from lab3_usd.model.finding import Finding, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.lint import AUTO, lint_platform, lint_subject
 from lab3_usd.pipeline.results import without_noted
 from lab3_usd.pipeline.stage import checkpoint_of
 from lab3_usd.pipeline.starter_comparison import open_against_starter, open_starter
@@ -138,8 +137,10 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
 
 
 @quiet()
-def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
+def fix_linted(path: Path, release: str, options: FixOptions, moved_from: str = "") -> Fixed:
     """Repair in memory what the linter finds in a stage; no file is written.
+
+    `moved_from` is the release that it comes from, as in `LintSettings`.
 
     Raises:
         StageError: the stage cannot be opened, or a rule failed.
@@ -147,10 +148,16 @@ def fix_linted(path: Path, release: str, options: FixOptions) -> Fixed:
     """
     platform = lint_platform(release)
     lab = replace(load_lab(data_folder("graphs")), platform=platform)  # what is its own, none asks
+    # Told once: a repair takes away what tells it.
+    origin = moved_from
+    if moved_from == AUTO:
+        check_file(path)
+        found = lint_subject(read_model(open_stage(path), platform, str(path)), AUTO).moved_from
+        origin = platform.release if found is None else found.release
 
     def lint_stage(file: Path, stage: Any) -> Iterable[Finding]:
-        model = read_model(stage, platform, str(file))
-        return _findings_of(file, lint(LintSubject(model)).results)
+        subject = lint_subject(read_model(stage, platform, str(file)), origin)
+        return _findings_of(file, lint(subject).results)
 
     return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)
 

@@ -40,17 +40,18 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
     """The sensors whose render product a node reads: prims of these types.
 
     `schemas_until` are schemas that also made a prim such a sensor, each with the last release in
-    which it did. `needs` is a schema that a prim of the types must carry, '' where it needs none.
-    `turned` tells whether messages and frames have the axes of REP 103 for cameras: the prim's own,
-    turned half around X. `in_frame` are attributes of the sensor, each with the value with which
-    points are in its own frame. Where two are read together whose values of one of the attributes
-    `equal` differ, Isaac Sim crashes in the releases `equal_in`, the first
-    and the last.
+    which it did, and `instead` says what to do since. `needs` is a schema that a prim of the types
+    must carry, '' where it needs none. `turned` tells whether messages and frames have the axes of
+    REP 103 for cameras: the prim's own, turned half around X. `in_frame` are attributes of the
+    sensor, each with the value with which points are in its own frame. Where two are read together
+    whose values of one of the attributes `equal` differ, Isaac Sim crashes in the releases
+    `equal_in`, the first and the last.
     """
 
     types: tuple[str, ...]
     source: str
     schemas_until: Mapping[str, str] = {}
+    instead: str = ""
     needs: str = ""
     turned: bool = False
     in_frame: Mapping[str, str] = {}

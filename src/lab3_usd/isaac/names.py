@@ -49,6 +49,27 @@ class Names(Struct, frozen=True):
         """
         return name if name in types else self.modern(name)
 
+    def is_old(self, name: str) -> bool:
+        """Whether a name of a type is one from before the release `before`."""
+        return name not in self.types and self.modern(name) != name
+
+    def is_former_extension(self, name: str) -> bool:
+        """Whether the name of a type begins with an extension from before the release `before`."""
+        prefix = name.rpartition(".")[0]
+        return prefix in self.prefixes or any(old.startswith(f"{prefix}.") for old in self.renamed)
+
+    def former(self, name: str) -> str | None:
+        """Return the name that a type had before the release `before`, None where it is the same.
+
+        Of several names the last one counts, which is that of the release just before.
+        """
+        whole = [old for old, new in self.renamed.items() if new == name]
+        if whole:
+            return whole[-1]
+        prefix, _, last = name.rpartition(".")
+        parts = [old for old, new in self.prefixes.items() if new == prefix]
+        return f"{parts[-1]}.{last}" if parts else None
+
     @property
     def releases(self) -> set[str]:
         """The releases that have other names."""

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from functools import cached_property
 
 from msgspec import Struct
@@ -25,6 +25,7 @@ from lab3_usd.isaac.graph_form import GraphForm
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import NodeType, Port
 from lab3_usd.isaac.recipes import Recipe
+from lab3_usd.isaac.release_changes import ReleaseChanges
 from lab3_usd.isaac.releases import BASE, Release, changed, order
 from lab3_usd.isaac.sensor_models import SensorModels
 
@@ -54,9 +55,9 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     """What Isaac Sim is in one release, apart from any lab.
 
     `types` are the node types by their names in this release, `base` those of the release that all
-    others are told apart from, and `releases` what those have otherwise. `names` are those of other
-    releases; `lookalikes` are no names of any, and which types they likely mean, `deprecated` those
-    that Kit may still have, and their successors.
+    others are told apart from, and `releases` what those have otherwise; `changes` are what else
+    differs. `names` are those of other releases; `lookalikes` are no names of any, and which types
+    they likely mean, `deprecated` those that Kit may still have, and their successors.
 
     `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
     in which it does, '' where a stage does not tell whether it will, and `by_hand` are those that
@@ -76,6 +77,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     usd_types: Mapping[str, str]
     graph: GraphForm
     names: Names
+    changes: ReleaseChanges
     lookalikes: Mapping[str, str]
     deprecated: Mapping[str, str]
     events: Mapping[str, str]
@@ -127,6 +129,21 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     def known_releases(self) -> tuple[str, ...]:
         """All releases that are known, the oldest first."""
         return tuple(sorted({*self.releases, *self.names.releases, BASE}, key=order))
+
+    def named(self, releases: Iterable[str]) -> str:
+        """Name releases in words: those in a row as from the first to the last."""
+        rows: list[list[str]] = []
+        for name in sorted(releases, key=order):
+            at = self.known_releases.index(name)
+            if rows and self.known_releases.index(rows[-1][-1]) == at - 1:
+                rows[-1].append(name)
+            else:
+                rows.append([name])
+        spans = [
+            f"{row[0]} to {row[-1]}" if len(row) > 2 else " and ".join(row)  # noqa: PLR2004
+            for row in rows
+        ]
+        return f"Isaac Sim {' and '.join(spans)}"
 
     def releases_of(self, node_type: str) -> tuple[str, ...]:
         """Return the releases that have a type, the oldest first."""

@@ -15,6 +15,8 @@ BASE = (
     "6.0"  # the release that the types are written for, and by which a stage is judged by default
 )
 
+_OLDEST, _YEARS = 2000, 2100  # years that name releases lie between
+
 
 def is_within(release: str, since: str, until: str) -> bool:
     """Whether a release is one of those from `since` to `until`, '' for no bound."""
@@ -25,8 +27,9 @@ def is_within(release: str, since: str, until: str) -> bool:
 
 @lru_cache(maxsize=64)
 def order(release: str) -> tuple[int, ...]:
-    """Return what sorts releases."""
-    return tuple(int(part) for part in release.split("."))
+    """Return what sorts releases: those that are named after years came before 4.0."""
+    first, *rest = (int(part) for part in release.split("."))
+    return (first - _YEARS if first > _OLDEST else first, *rest)
 
 
 class TypeChanges(Struct, frozen=True):
@@ -53,6 +56,20 @@ class Release(Struct, frozen=True):
     has: Mapping[str, NodeType]
     lacks: tuple[str, ...]
     types: Mapping[str, TypeChanges]
+
+
+def both_changes(first: TypeChanges | None, second: TypeChanges | None) -> TypeChanges:
+    """Return what two sets of changes of one type say, the second one before the first."""
+    if first is None or second is None:
+        return first or second or TypeChanges()
+    return TypeChanges(
+        version=second.version or first.version,
+        ports={**first.ports, **second.ports},
+        lacks=tuple(dict.fromkeys((*first.lacks, *second.lacks))),
+        defaults={**first.defaults, **second.defaults},
+        allowed={**first.allowed, **second.allowed},
+        message={**first.message, **second.message},
+    )
 
 
 def changed(node_type: NodeType, changes: TypeChanges | None) -> NodeType:

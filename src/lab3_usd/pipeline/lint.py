@@ -30,18 +30,23 @@ from lab3_usd.pipeline.results import (
     located,
     unreadable,
 )
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_platform
+
+AUTO = "auto"
 
 
 class LintSettings(Struct, frozen=True):
     """How to judge: by which release of Isaac Sim, and whether notes in the stage count.
 
-    With `native`, OpenUSD's own validators judge as well. `own_rules` are sources of rules, which a
-    process adds that judges for another one. `scene` is the stage that scripts load, '' where that
-    is not known.
+    `moved_from` is the release that the stages come from, where that counts; AUTO lets the stage
+    tell it. With `native`, OpenUSD's own validators judge as well. `own_rules` are sources of
+    rules, which a process adds that judges for another one. `scene` is the stage that scripts load,
+    '' where that is not known.
     """
 
     release: str = BASE
+    moved_from: str = ""
     heeds_ignores: bool = False
     native: bool = False
     own_rules: tuple[str, ...] = ()
@@ -60,6 +65,17 @@ def lint_platform(release: str = BASE) -> Platform:
         return _in_release(load_platform(), release)
     except SpecError:
         return _in_release(load_platform(data_folder("graphs")), release)
+
+
+def lab_in_release(lab: Lab, release: str, checkpoint: str | None = None) -> Lab:
+    """Return a lab beside another release of Isaac Sim, for stages that it does not judge.
+
+    Raises:
+        UsageError: the release is not known, or the stage is one of a checkpoint.
+    """
+    if checkpoint:
+        raise UsageError(f"--isaac {release}: at checkpoint {checkpoint} the lab names the release")
+    return replace(lab, platform=lint_platform(release))
 
 
 @lru_cache(maxsize=8)
@@ -82,7 +98,7 @@ def lint_stage(path: str | Path, settings: LintSettings | None = None) -> StageR
     from lab3_usd.stage.read.opening import kept_open
 
     with kept_open():  # so that nothing is asked of the stage twice
-        result = _linted(path, settings.release)
+        result = _linted(path, settings)
         if settings.native:
             from lab3_usd.pipeline.native import with_native
 
@@ -115,8 +131,23 @@ def _scene(path: str, platform: Platform) -> StageModel | None:
     return read_stage(Path(path), platform)
 
 
-def _linted(path: str | Path, release: str) -> StageResult:
-    platform = lint_platform(release)
+def lint_subject(model: StageModel, moved_from: str = "") -> LintSubject:
+    """Return a stage as it is judged, beside the release that it comes from.
+
+    Raises:
+        UsageError: the release is not known.
+    """
+    if moved_from != AUTO:
+        return LintSubject(model, lint_platform(moved_from) if moved_from else None)
+    from lab3_usd.facts.saved_releases import saved_by
+
+    saved = saved_by(model)
+    known = model.platform if saved is None else lint_platform(saved.release)
+    return LintSubject(model, known, is_guessed=True)
+
+
+def _linted(path: str | Path, settings: LintSettings) -> StageResult:
+    platform = lint_platform(settings.release)
     from lab3_usd.stage.read.opening import open_stage, quiet
 
     try:
@@ -127,7 +158,7 @@ def _linted(path: str | Path, release: str) -> StageResult:
 
         with quiet():
             model = read_model(stage, platform, str(path))
-            judged = lint(LintSubject(model))
+            judged = lint(lint_subject(model, settings.moved_from))
     except StageError as error:
         return unreadable(str(path), None, error)
     results = judged.results
@@ -172,7 +203,7 @@ def read_any(path: Path, platform: Platform, scene: str = "") -> StageModel:
 
     Raises:
         StageError: the file cannot be opened, or builds no graph.
-        UsageError: a stage is given a scene.
+        UsageError: a stage is given a scene, or the release is not known.
     """
     if is_script_file(path):
         from lab3_usd.pipeline.scripts import joined_stage
@@ -185,17 +216,17 @@ def read_any(path: Path, platform: Platform, scene: str = "") -> StageModel:
     return read_stage(path, platform)
 
 
-def read_ros(path: Path, scene: str = "") -> RosStage:
+def read_ros(path: Path, scene: str = "", release: str = BASE) -> RosStage:
     """Read any stage, or a script over the `scene` that it loads, by the platform of lint.
 
     Raises:
         StageError: the file cannot be opened, or builds no graph.
-        UsageError: a stage is given a scene.
+        UsageError: a stage is given a scene, or the release is not known.
     """
     from lab3_usd.check.lint import lint
     from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 
-    subject = LintSubject(read_any(path, lint_platform(), scene))
+    subject = LintSubject(read_any(path, lint_platform(release), scene))
     coverage = lint(subject).coverage
     return RosStage(subject, coverage, tuple(nodes_of_unknown_type(subject.stage)))
 

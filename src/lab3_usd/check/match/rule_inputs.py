@@ -256,9 +256,14 @@ class JudgedStage(Struct, frozen=True, eq=False):
 
 
 class LintSubject(Struct, frozen=True, eq=False):
-    """A stage without a spec."""
+    """A stage without a spec, and the release that it comes from, where that counts.
+
+    That is `is_guessed` where nobody named it.
+    """
 
     stage: StageModel
+    moved_from: Platform | None = None
+    is_guessed: bool = False
 
     @property
     def platform(self) -> Platform:

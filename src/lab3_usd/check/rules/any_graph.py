@@ -100,7 +100,8 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
     A script that creates a node by an old name stops there: names are renamed only when a stage is
     opened. There is one finding for the graph and the release.
 
-    Fix: open the stage in the release that you use, look at the graph, and save it again.
+    Fix: let `lab3 fix` rename them in the file; or open the stage in the release that you use, look
+    at the graph, and save it again.
 
     Example: a ROS2 Context whose type begins with `omni.isaac`.
     """
@@ -109,11 +110,12 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
             verb, such_as = ("has", ":") if len(other.nodes) == 1 else ("have", ", such as")
             yield Problem(
                 graph.path,
-                f"{other.count} {verb} {other.what}{such_as} {other.written}, now {other.known}",
+                f"{other.count} {verb} {other.what}{such_as} {other.written}, "
+                f"{'before' if other.is_unknown else 'now'} {other.known}",
                 expected=other.known,
                 actual=other.written,
                 related=tuple(node.path for node in other.nodes),
-                severity="error" if _stops_script(graph, subject) else None,
+                severity="error" if other.is_unknown or _stops_script(graph, subject) else None,
                 hint=None if subject.stage.build is None else "write the names of this release",
                 fix=other.edits,
             )

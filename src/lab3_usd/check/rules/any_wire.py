@@ -21,6 +21,7 @@ from lab3_usd.facts.wires import (
     why_dead,
 )
 from lab3_usd.isaac.node_types import NodeType, Port, can_connect, differ_in_role
+from lab3_usd.isaac.release_changes import GonePort
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, node_title, short_source
 from lab3_usd.model.stage import Node
@@ -128,13 +129,11 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
                 f"{wire.port} is wired, and {kind.ui_name} has no such port"
                 f"{_gone(kind, wire.port, subject)}{did_you_mean(near)}",
                 property=wire.port,
-                expected=near,
+                expected=near or _port_now(kind, wire.port, subject) or None,
                 actual=wire.port,
                 severity="warning" if kind.is_documented else None,
                 hint=_hint_in_script(near, subject),
-                fix=(RenameProperty(wire.node.path, wire.port, near),)
-                if near and (near not in wire.node.ports or subject.stage.build is not None)
-                else (),
+                fix=_other_port(wire, near, subject),
             )
 
 
@@ -230,10 +229,14 @@ def _with_port(problem: Problem, opening: str, wire: Connection, subject: Graphs
     message = f"{opening}a port that {kind.ui_name} does not have"
     message += _gone(kind, wire.source_port, subject)
     message += "" if problem.expected else did_you_mean(near)
-    target, meant = wire.node.type, f"{source.path}.{near}"
+    now = _port_now(kind, wire.source_port, subject) or None
+    target, meant = wire.node.type, f"{source.path}.{near or now}"
     port = None if target is None else target.listed(wire.port)
+    near, gone = near or now, _gone_port(kind, wire.source_port, subject)
     if near and port and can_connect(kind.ports[near], port):
         problem = replace(problem, fix=_rewiring(wire, meant))
+    elif gone is not None and gone.drop:
+        problem = replace(problem, fix=_rewiring(wire))
     expected = problem.expected or near
     return replace(
         problem,
@@ -283,9 +286,39 @@ def meant_port(written: str, kind: NodeType, *, is_source: bool) -> str | None:
     return same[0] if same else likely_port(written, known)
 
 
+def _other_port(wire: Connection, near: str | None, subject: GraphsSubject) -> tuple[Edit, ...]:
+    """Return what moves a wire to the port that was meant, or takes out one that does nothing."""
+    kind, node = wire.node.type, wire.node
+    if kind is None:
+        return ()
+    name = near or _port_now(kind, wire.port, subject)
+    if name:
+        return (RenameProperty(node.path, wire.port, name),) if name not in node.ports else ()
+    gone = _gone_port(kind, wire.port, subject)
+    drops = gone is not None and gone.drop
+    return (Connect(node.path, wire.port, node.ports[wire.port].usd_type),) if drops else ()
+
+
+def _gone_port(kind: NodeType, port: str, subject: GraphsSubject) -> GonePort | None:
+    """Return what became of a port that only other releases have, None where that is not known."""
+    is_theirs = bool(subject.platform.releases_with(kind.type, port))
+    return subject.platform.changes.gone(kind.type, port) if is_theirs else None
+
+
+def _port_now(kind: NodeType, port: str, subject: GraphsSubject) -> str:
+    """Return the name that a port of another release has in this one, '' where it has none."""
+    gone = _gone_port(kind, port, subject)
+    return gone.to if gone is not None and kind.port(gone.to) is not None else ""
+
+
 def _gone(kind: NodeType, port: str, subject: GraphsSubject) -> str:
+    """Say which releases have a port, and what does now what it did."""
     releases = subject.platform.releases_with(kind.type, port)
-    return f"; Isaac Sim {', '.join(releases)} has it" if releases else ""
+    if not releases:
+        return ""
+    gone, now = _gone_port(kind, port, subject), _port_now(kind, port, subject)
+    instead = f", {now} now" if now else f": {gone.by}" if gone is not None and gone.by else ""
+    return f"; {subject.platform.named(releases)} has it{instead}"
 
 
 @rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")

@@ -9,33 +9,22 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import effective_value, nodes_of
-from lab3_usd.facts.render_products import sensor_of, shown_by
+from lab3_usd.facts.read_sensors import read_lidars, read_sensors
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
-from lab3_usd.facts.sensor_values import values_of
+from lab3_usd.facts.sensor_values import SensorValues, values_of
 from lab3_usd.facts.stuck_nodes import lost_products, refused_target
-from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.node_types import INPUT, KIND
+from lab3_usd.isaac.release_changes import crosses
+from lab3_usd.isaac.releases import order
 from lab3_usd.isaac.topics import PRODUCT
-from lab3_usd.model.changes import ApplySchema
+from lab3_usd.model.changes import ApplySchema, Edit, RenameProperty, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import is_body
 from lab3_usd.model.prims import Prim, upwards
-from lab3_usd.model.stage import Node
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 
 _FLAT = "laser_scan"
 _STEEP = 45.0  # degrees
-
-
-def _read_sensors(subject: LintSubject) -> Iterator[tuple[Node, SensorOf, str]]:
-    """Yield the nodes that publish a sensor, with what they ask of it and its path."""
-    sensors = subject.platform.sensors
-    for node in nodes_of(lambda kind: kind.type in sensors, subject.stage):
-        needed = sensors.get("" if node.type is None else node.type.type)
-        shown = shown_by(node, PRODUCT, subject.stage, subject.live)
-        path = sensor_of(node, subject.live) if shown is None else shown.sensor
-        if needed is not None and path is not None:
-            yield node, needed, path
 
 
 @rule("K15", "unreadable-target", scope="lint")
@@ -77,7 +66,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 RTX Lidar Helper behind the render product of the camera.
     """
-    for node, needed, path in _read_sensors(subject):
+    for node, needed, path in read_sensors(subject.stage):
         prim = subject.stage.prim(path)
         if prim is None:
             continue
@@ -91,6 +80,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
                 expected=" or ".join(needed.types),
                 actual=prim.type,
                 related=(path,),
+                hint=needed.instead or None if set(prim.apis) & {*needed.schemas_until} else None,
                 rests_on=None if prim.type else subject.stage.unknown(path),
             )
 
@@ -105,7 +95,7 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
 
     Example: an `OmniLidar` without `OmniSensorGenericLidarCoreAPI`.
     """
-    for node, needed, path in _read_sensors(subject):
+    for node, needed, path in read_sensors(subject.stage):
         prim = subject.stage.prim(path)
         if prim is None or not needed.needs:
             continue
@@ -138,7 +128,7 @@ def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
     `OgnROS2RtxLidarHelper.py:119-134`.
     """
     reading: dict[str, list[str]] = {}
-    for node, _, path in _read_sensors(subject):
+    for node, _, path in read_sensors(subject.stage):
         reading.setdefault(path, []).append(node.path)
     for prim, fault in _sensor_faults(subject):
         if fault.severity == "error":
@@ -151,7 +141,7 @@ def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
 def _sensor_faults(subject: LintSubject) -> Iterator[tuple[Prim, SensorFault]]:
     """Yield what is wrong with the values of sensors: those that nodes read, and all others."""
     models, stage = subject.platform.sensor_models, subject.stage
-    read = (stage.prim(path) for _, _, path in _read_sensors(subject))
+    read = (stage.prim(path) for _, _, path in read_sensors(subject.stage))
     sensors = (*read, *stage.with_api(lambda api: models.is_sensor([api])))
     for prim in {prim.path: prim for prim in sensors if prim is not None and prim.present}.values():
         for fault in faults_of(prim, stage):
@@ -170,12 +160,6 @@ def _problem(prim: Prim, fault: SensorFault, subject: LintSubject) -> Problem:
     )
 
 
-def _lidars(subject: LintSubject) -> list[Prim]:
-    """Return the lidars that a node publishes."""
-    paths = dict.fromkeys(path for _, needed, path in _read_sensors(subject) if needed.needs)
-    return [prim for path in paths if (prim := subject.stage.prim(path)) is not None]
-
-
 @rule("K73", "partial-scans", scope="lint", severity="warning")
 def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     """A lidar is read at another rate than it turns.
@@ -190,10 +174,15 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: NVIDIA's Lidar class warns where the rates differ (`lidar.py:141-156`). The renderer is
     not public; that a tick rate of 0 means every frame is shown for cameras
-    (`test_camera.py:1421`).
+    (`test_camera.py:1421`). Before 6.0 the tick rate had no effect.
     """
-    names = subject.platform.sensor_models.lidar
-    for prim in _lidars(subject):
+    since, names = subject.platform.changes.sensors.since, subject.platform.sensor_models.lidar
+    release = subject.platform.release
+    if order(release) < order(since):
+        return
+    before = subject.moved_from
+    is_moved = before is not None and crosses(since, before.release, release)
+    for prim in read_lidars(subject.stage):
         values = values_of(prim, subject.stage)
         tick, turns = values.number(names.rate), values.number(names.turns)
         if tick is not None and tick >= 0 and turns and tick != turns:
@@ -203,8 +192,15 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
                 property=names.rate if names.rate in prim.attributes else names.turns,
                 expected=f"{turns:g}",
                 actual=f"{tick:g}",
+                fix=_rated(prim, names.rate, values, turns),
+                likely=not is_moved,  # before, it was read as often as it turned
                 rests_on=subject.stage.unknown_value(prim, names.rate, names.turns),
             )
+
+
+def _rated(prim: Prim, name: str, values: SensorValues, rate: float) -> tuple[Edit, ...]:
+    said = values.attributes.get(name)
+    return () if said is None else (SetValue(prim.path, name, said.type, rate),)
 
 
 @rule(
@@ -303,7 +299,7 @@ def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
     Example: an `OmniLidar` with `xformOp:rotateX = 90` in a stage with Z up.
     """
     up = AXES["XYZ".index(subject.stage.up_axis)]
-    for node, needed, path in _read_sensors(subject):
+    for node, needed, path in read_sensors(subject.stage):
         prim = subject.stage.prim(path)
         is_flat = effective_value(node, KIND, subject.live) == _FLAT
         if prim is None or prim.world is None or not (needed.needs and is_flat):
@@ -349,4 +345,16 @@ def sensor_value(subject: LintSubject) -> Iterator[Problem]:
     """
     for prim, fault in _sensor_faults(subject):
         if fault.severity != "error":
-            yield replace(_problem(prim, fault, subject), severity=fault.severity)
+            found = _problem(prim, fault, subject)
+            yield replace(found, severity=fault.severity, fix=_renamed(prim, fault, subject))
+
+
+def _renamed(prim: Prim, fault: SensorFault, subject: LintSubject) -> tuple[Edit, ...]:
+    """Return what gives an attribute its name of today, where its value may stay as it is."""
+    models = subject.platform.sensor_models
+    known = models.attributes_of(prim.apis)
+    return tuple(
+        RenameProperty(prim.path, name, new)
+        for name in fault.attributes
+        if (new := models.renamed.get(name, name)) in known and new not in prim.attributes
+    )

@@ -114,11 +114,14 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
                 near = likely_name(value, port.allowed)
                 moved = _other_type(node, value, subject) if name == KIND else None
                 other = None if moved is None else moved.ui_name
-                expected = other or near or ", ".join(port.allowed)
+                later = subject.platform.changes.tokens.get(node.type_name, {}).get(name, {})
+                nearest = later.get(value) if near is None and moved is None else None
+                expected = other or near or nearest or ", ".join(port.allowed)
+                instead = f"; {nearest} comes nearest" if nearest else did_you_mean(near)
                 yield Problem(
                     node.path,
                     f"{name} is {display(value)}, which {subject.title(node)} does not offer"
-                    f"{f'; {other} does it now' if other else did_you_mean(near)}",
+                    f"{f'; {other} does it now' if other else instead}",
                     property=name,
                     expected=expected,
                     actual=value,
@@ -126,6 +129,7 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
                     fix=_setting(node, name, expected if expected in port.allowed else "")
                     if moved is None
                     else _becoming(node, moved, subject),
+                    likely=nearest is not None,
                 )
 
 

@@ -2,18 +2,17 @@
 
 from __future__ import annotations
 
-from collections import Counter
-from collections.abc import Iterable, Iterator
-
-from msgspec import Struct
+from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.repairs import TYPE, VERSION, can_become
-from lab3_usd.facts.likely_names import did_you_mean, likely_type
+from lab3_usd.check.repairs import TYPE, can_become, folded_into_readers
+from lab3_usd.facts.likely_names import did_you_mean, meant_type
+from lab3_usd.facts.saved_releases import saved_by
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.releases import order
-from lab3_usd.model.changes import SetValue
+from lab3_usd.model.changes import Edit, RemovePrim, SetValue
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
 
@@ -34,13 +33,7 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
     """
     for node in nodes_of_unknown_type(subject.stage):
         if not node.saved_type:
-            yield Problem(
-                node.path,
-                "the node has no type: Isaac Sim drops it",
-                property=TYPE,
-                expected="the type of the node",
-                rests_on=subject.stage.unknown(node.path),
-            )
+            yield _without_type(node, subject)
             continue
         successor = subject.platform.deprecated.get(node.type_name)
         if successor is not None:
@@ -58,17 +51,55 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
         if of_release is None or (likely is None and not of_release):
             continue
         release = f"{subject.platform.release}{of_release}"
+        successor_now = _successor(node, subject)
+        words = "" if successor_now is None else f"; {successor_now[1]}"
+        fix: tuple[Edit, ...] = ()
+        if likely and kind and can_become(node, kind, subject.stage):
+            fix = (SetValue(node.path, TYPE, "token", likely),)
         yield Problem(
             node.path,
-            f"'{node.saved_type}' is not a node type of Isaac Sim {release}{did_you_mean(likely)}",
+            f"'{node.saved_type}' is not a node type of Isaac Sim {release}{did_you_mean(likely)}"
+            f"{words}",
             property=TYPE,
-            expected=likely,
+            expected=likely or (None if successor_now is None else successor_now[0]),
             actual=node.saved_type,
             hint=_hint(node, subject, likely),
-            fix=(SetValue(node.path, TYPE, "token", likely),)
-            if likely and kind and can_become(node, kind, subject.stage)
-            else (),
+            fix=fix or folded_into_readers(node, subject.stage),
         )
+
+
+def _without_type(node: Node, subject: LintSubject) -> Problem:
+    """Return the problem of a node without a type; one at which renaming ends is to go first."""
+    names = subject.platform.names
+    old = sum(names.is_old(each.saved_type) for each in subject.live.values())
+    ends = f", and ends the renaming of old types there ({old} nodes have some)" if old else ""
+    return Problem(
+        node.path,
+        f"the node has no type: Isaac Sim drops it{ends}",
+        property=TYPE,
+        expected="the type of the node",
+        hint="remove the node in the file, before it is opened" if old else None,
+        fix=(RemovePrim(node.path),) if old and not any(node.ports) else (),
+        rests_on=subject.stage.unknown(node.path),
+    )
+
+
+def _successor(node: Node, subject: LintSubject) -> tuple[str, str] | None:
+    """Return the type in place of one that is gone, and words about it."""
+    platform = subject.platform
+    found = platform.changes.successor(node.type_name)
+    if found is None or found[0] not in platform.types:
+        return None
+    name, known = found
+    carried = [
+        port if port == now else f"{port} (as {now})"
+        for port, now in known.values.items()
+        if (state := node.state(INPUT + port)) is not None
+        and (state.value is not None or state.sources)
+    ]
+    notes = f" ({known.notes})" if known.notes else ""
+    values = f"; {', '.join(carried)} carry over" if carried else ""
+    return name, f"{platform.types[name].ui_name} does its work{notes}{values}"
 
 
 def _other_release(node: Node, subject: LintSubject) -> str | None:
@@ -109,7 +140,7 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
     if subject.platform.releases_of(node.type_name):
         return None
     alike = subject.platform.lookalikes.get(node.saved_type)
-    return alike or likely_type(node.saved_type, subject.platform.types)
+    return alike or meant_type(node.saved_type, subject.platform)
 
 
 @rule(
@@ -164,49 +195,24 @@ def other_release_ports(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Camera Helper with `inputs:viewport`, a port of 5.1.
     """
-    signs = [sign for node in subject.live.values() for sign in _signs(node, subject)]
-    strange = [sign for sign in signs if subject.platform.release not in sign.releases]
-    if not strange:
+    saved = saved_by(subject.stage)
+    strange = () if saved is None else saved.strange
+    known = subject.moved_from
+    if saved is None or not (strange or subject.is_guessed):
         return
-    counts = Counter(name for sign in signs for name in sign.releases)
-    fitting = max(counts, key=lambda name: (counts[name], order(name)))
-    first = strange[0]
+    if known is not None and known.release == saved.release and not subject.is_guessed:
+        return  # which was said already
+    first = strange[0] if strange else saved.signs[0]
+    fits = f"; --isaac {saved.release} fits best"
+    if subject.is_guessed:
+        fits = f"; taken as saved by {saved.release}"
+    elif saved.release == subject.platform.release:
+        fits = f", and most others are of {saved.release}"
     yield Problem(
         first.node.path,
-        f"saved by another release: {first.what}; --isaac {fitting} fits best",
+        f"saved by another release: {first.what}{fits}",
         property=first.property,
         expected=subject.platform.release,
-        actual=fitting,
+        actual=saved.release,
         related=tuple(dict.fromkeys(sign.node.path for sign in strange[1:])),
     )
-
-
-class _Sign(Struct, frozen=True, eq=False):
-    """What tells the releases that may have saved a node."""
-
-    node: Node
-    property: str
-    what: str
-    releases: tuple[str, ...]
-
-
-def _signs(node: Node, subject: LintSubject) -> Iterator[_Sign]:
-    """Yield what of a node only some releases have: its type, its version and its ports."""
-    types, name = subject.platform, node.type_name
-    versions = types.versions(name)
-    if versions and node.type is None:
-        yield _Sign(node, TYPE, f"only {_named(versions)} has the type {name}", tuple(versions))
-    numbers: list[int | None] = [*versions.values()]
-    if 0 < numbers.count(node.version) < len(numbers):
-        alike = tuple(release for release, number in versions.items() if number == node.version)
-        what = f"version {node.version} of {subject.title(node)} is that of {_named(alike)}"
-        yield _Sign(node, VERSION, what, alike)
-    for port in node.ports:
-        has_port = node.type is not None and port in node.type.ports
-        releases = () if has_port else types.releases_with(name, port)
-        if releases:
-            yield _Sign(node, port, f"only {_named(releases)} has {port}", releases)
-
-
-def _named(releases: Iterable[str]) -> str:
-    return f"Isaac Sim {' and '.join(releases)}"

@@ -79,6 +79,18 @@ def complete_formats(
     ]
 
 
+isaac_option: Option = click.option(
+    "--isaac",
+    "release",
+    metavar="RELEASE",
+    help="Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
+)
+from_option: Option = click.option(
+    "--from",
+    "moved_from",
+    metavar="RELEASE",
+    help="Also what this release, which the stage comes from, does otherwise; auto lets it tell.",
+)
 rules_options = all_of(
     click.option(
         "--select",

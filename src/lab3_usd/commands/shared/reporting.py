@@ -113,7 +113,7 @@ def _is_accepted(result: StageResult, report: Report) -> bool:
 
 # The options of a report that decide what is found, which lab3 fix has as well.
 _FOR_REPAIRS = (
-    *("checkpoint", "starter", "release", "assets"),
+    *("checkpoint", "starter", "release", "moved_from", "assets"),
     *("config_file", "isolated", "select", "ignore"),
 )
 

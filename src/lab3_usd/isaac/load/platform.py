@@ -33,7 +33,8 @@ from lab3_usd.isaac.node_types import (
     NodeType,
 )
 from lab3_usd.isaac.platform import Platform, RosNames
-from lab3_usd.isaac.releases import BASE, Release, TypeChanges
+from lab3_usd.isaac.release_changes import ANY, ReleaseChanges
+from lab3_usd.isaac.releases import BASE, Release, TypeChanges, both_changes, order
 from lab3_usd.yaml_file import read_yaml, record
 
 
@@ -89,7 +90,9 @@ ROLES = "roles.yaml"
 NEEDS = "needs.yaml"
 VERSIONS = "versions.yaml"
 LATER = "later_releases.yaml"
+EARLY = "early_releases.yaml"
 RENAMES = "renames.yaml"
+CHANGES = "release_changes.yaml"
 SENSORS = "sensors.yaml"
 BODIES = "bodies.yaml"
 JOINTS = "joints.yaml"
@@ -120,6 +123,25 @@ class _ReleaseEntry(Struct, forbid_unknown_fields=True):
     has: dict[str, Any] = {}
     lacks: tuple[str, ...] = ()
     types: dict[str, _ChangesEntry] = {}
+
+
+class _Gone(Struct, forbid_unknown_fields=True):
+    """Types that are gone, with the first and the last release that has them."""
+
+    since: str
+    until: str
+    types: dict[str, Any]
+
+
+class _EarlyEntry(_ReleaseEntry, forbid_unknown_fields=True):
+    like: str = ""
+
+
+class _EarlyReleases(Struct, forbid_unknown_fields=True):
+    """What early releases have otherwise; of all else one is `like` another."""
+
+    gone: tuple[_Gone, ...]
+    releases: dict[str, _EarlyEntry]
 
 
 class _LaterReleases(Struct, forbid_unknown_fields=True):
@@ -172,6 +194,8 @@ def assemble_platform(folder: Path) -> Platform:
         release: _release(entry, usd_types, f"{name}: {release}")
         for release, entry in {**earlier, **later.releases}.items()
     }
+    early = record(_tuples(read_yaml(folder / EARLY)), _EarlyReleases, f"{name}/{EARLY}")
+    releases |= _early(early, releases, usd_types, f"{name}/{EARLY}")
 
     def by_type(file: str, kind: type[_Fact]) -> dict[str, _Fact]:
         return record(read_yaml(folder / file), dict[str, kind], f"{name}/{file}")  # type: ignore[valid-type]
@@ -192,6 +216,7 @@ def assemble_platform(folder: Path) -> Platform:
             types=other_types(names.types),
             ports=other_ports(names.ports, types, f"{name}/{RENAMES}: ports"),
         ),
+        changes=_changes_of(folder, types, releases),
         lookalikes=system.lookalikes,
         deprecated=system.deprecated,
         events={**dict.fromkeys(kit.events, ""), **stages_of(system.events)},
@@ -306,6 +331,49 @@ def _release(entry: _ReleaseEntry, usd_types: Mapping[str, str], where: str) -> 
         for name, node in entry.types.items()
     }
     return Release(parse_types(entry.has, usd_types, where), entry.lacks, changes)
+
+
+def _early(
+    file: _EarlyReleases, known: Mapping[str, Release], usd_types: Mapping[str, str], where: str
+) -> dict[str, Release]:
+    """Return the early releases, each with the types that are gone since."""
+    found = {}
+    for name, entry in file.releases.items():
+        own = _release(entry, usd_types, f"{where}: {name}")
+        like = known.get(entry.like, Release({}, (), {}))
+        gone = {
+            kind: node_type
+            for part in file.gone
+            if order(part.since) <= order(name) <= order(part.until)
+            for kind, node_type in parse_types(part.types, usd_types, where).items()
+        }
+        types = {
+            kind: both_changes(like.types.get(kind), own.types.get(kind))
+            for kind in {**like.types, **own.types}
+        }
+        has = {**like.has, **own.has, **gone}
+        found[name] = Release(has, (*like.lacks, *own.lacks), types)
+    return found
+
+
+def _changes_of(
+    folder: Path, types: Mapping[str, NodeType], releases: Mapping[str, Release]
+) -> ReleaseChanges:
+    """Return what stages meet in other releases.
+
+    Raises:
+        SpecError: it names a type that no release has.
+    """
+    where = f"{folder.name}/{CHANGES}"
+    changes = record(_tuples(read_yaml(folder / CHANGES)), ReleaseChanges, where)
+    known = {*types, *(kind for release in releases.values() for kind in release.has)}
+    named = [*changes.folds, *changes.ports, *changes.ignored]
+    named += [kind for meaning in changes.meanings for kind in meaning.types]
+    named += [each.by for each in changes.successors if ANY not in each.by]
+    for kind in named:
+        if kind not in known:
+            raise SpecError(f"{where}: '{kind}' is not a node type")
+    return changes
 
 
 def _tuples(data: Any) -> Any:

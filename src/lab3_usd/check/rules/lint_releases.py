@@ -1,0 +1,385 @@
+"""Rules about what a stage of one release of Isaac Sim meets in another."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Iterator
+from fnmatch import fnmatchcase
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import TYPE
+from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.feeding import working_nodes
+from lab3_usd.facts.read_sensors import read_lidars, read_sensors
+from lab3_usd.facts.sensor_values import values_of
+from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.release_changes import ANY, GonePort, Meaning, crosses
+from lab3_usd.isaac.releases import order
+from lab3_usd.isaac.values import Value
+from lab3_usd.model.changes import ClearValue, Edit, RenameProperty, SetValue
+from lab3_usd.model.finding import Problem, display, node_title
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, PortState, Unknown, same_value
+
+_LOOK = "nothing is wrong with the stage: see whether it still does what you want"
+
+
+@rule("K29", "gone-setting", scope="lint")
+def gone_setting(subject: LintSubject) -> Iterator[Problem]:
+    """A setting has no effect in this release, and the node works otherwise.
+
+    Why: an earlier release had the port. What it did is now done by something else, and its value
+    is not carried over: nothing warns when the stage is opened.
+
+    Fix: do what the finding says in place of the port.
+
+    Example: `inputs:ForceLimit` of a Surface Gripper of 4.5; later ones hold it in a prim.
+
+    Basis: the `.ogn` files and the code of the nodes in both releases.
+    """
+    changes = subject.platform.changes
+    for node in subject.live.values():
+        gone = {
+            port: known
+            for port in node.ports
+            if _is_gone(node, port, subject.platform)
+            and (known := changes.gone(node.type_name, port)) is not None
+        }
+        yield from _without_prim(node, gone)
+        for port, known in gone.items():
+            other = node.state(known.off_for)
+            if known.off_for and node.ports[port].value is False and other and other.value:
+                yield Problem(
+                    node.path,
+                    f"{known.off_for} is {display(other.value)}, and {port} no longer turns it "
+                    f"off: {known.by}",
+                    property=known.off_for,
+                    actual=display(other.value),
+                    expected="no value",
+                    fix=(ClearValue(node.path, known.off_for),),
+                )
+
+
+def _is_gone(node: Node, port: str, platform: Platform) -> bool:
+    """Whether a port is one of other releases alone."""
+    lacks = node.type is not None and node.type.port(port) is None
+    return lacks and bool(platform.releases_with(node.type_name, port))
+
+
+def _without_prim(node: Node, gone: dict[str, GonePort]) -> Iterator[Problem]:
+    lost = [port for port, known in gone.items() if known.prim and not node.targets(known.prim)]
+    if lost:
+        known, more = gone[lost[0]], f" and {len(lost) - 1} more" if len(lost) > 1 else ""
+        verb = "is" if len(lost) == 1 else "are"
+        yield Problem(
+            node.path,
+            f"{lost[0]}{more} {verb} of an earlier release: {known.by}, and {known.prim} names "
+            "none, so the node does nothing",
+            property=known.prim,
+            expected="a prim",
+            covers=tuple((node.path, port) for port in lost),
+        )
+
+
+@rule("K48", "interrupted-renaming", scope="lint", severity="warning")
+def interrupted_renaming(subject: LintSubject) -> Iterator[Problem]:
+    """Isaac Sim stops renaming old node types at this node.
+
+    Why: when a stage is opened, old type names are replaced one after the other. An error at this
+    node ends that, and the nodes behind it in the stage stay unknown: they do nothing.
+
+    Fix: rename the types in the file before you open it, with `lab3 fix --lint`, and replace this
+    node by one of the release that you use.
+
+    Example: an Ackermann Controller of 4.2 in a stage that is opened in 6.0.
+
+    Basis: `isaacsim/core/deprecation_manager/extension.py:118-127` of 5.1 and 6.0.1, which raises
+    there when it is run; 6.2 does not.
+    """
+    names, breaks = subject.platform.names, subject.platform.changes.breaks
+    old = [node for node in subject.live.values() if names.is_old(node.saved_type)]
+    for node in old:
+        if breaks.ends_at(node.saved_type, subject.platform.release) and len(old) > 1:
+            yield Problem(
+                node.path,
+                f"Isaac Sim {subject.platform.release} ends the renaming of old types at this "
+                f"node: of {len(old) - 1} other nodes with one, those behind it stay unknown",
+                property=TYPE,
+                actual=node.saved_type,
+                related=tuple(each.path for each in old if each is not node),
+                hint="rename them in the file, before it is opened: lab3 fix --lint",
+            )
+
+
+@rule("K49", "skipped-readings", scope="lint", severity="warning")
+def skipped_readings(subject: LintSubject) -> Iterator[Problem]:
+    """A helper leaves out readings of a sensor that has a rate of its own.
+
+    Why: since 6.0 Frame Skip Count counts readings of the sensor; before, it counted frames of the
+    application. A stage that made 10 Hz of 60 frames now gets a sixth of the rate of the sensor.
+
+    Fix: set Frame Skip Count to 0, and the tick rate of the sensor to the rate that you want.
+
+    Example: `inputs:frameSkipCount = 5` for a lidar with a tick rate of 10.
+
+    Basis: the settings of the application (`base.kit:151`), and NVIDIA's guide to sensor timing.
+    """
+    skips = subject.platform.changes.skips
+    if order(subject.platform.release) < order(skips.since):
+        return
+    for node, left_out, rate in _skipping(subject):
+        published = f"{rate / (left_out + 1):.2f}".rstrip("0").rstrip(".")
+        yield Problem(
+            node.path,
+            f"{skips.input} is {left_out}: {left_out} of {left_out + 1} readings are left out, "
+            f"{published} of {rate:g} a second are published",
+            property=skips.input,
+            expected="0",
+            actual=str(left_out),
+            fix=(ClearValue(node.path, skips.input),),
+            likely=True,
+        )
+
+
+def _skipping(subject: LintSubject) -> Iterator[tuple[Node, int, float]]:
+    """Yield the nodes that leave out readings of a sensor, how many, and its rate."""
+    skips, names = subject.platform.changes.skips, subject.platform.sensor_models.lidar
+    for node, _, path in read_sensors(subject.stage):
+        prim = subject.stage.prim(path)
+        left_out = effective_value(node, skips.input, subject.live)
+        rate = None if prim is None else values_of(prim, subject.stage).number(names.rate)
+        if isinstance(left_out, int) and left_out > 0 and rate is not None and rate > 0:
+            yield node, left_out, rate
+
+
+@rule(
+    "K39",
+    "other-release",
+    scope="lint",
+    severity="warning",
+    counted=("other meaning in this release", "other meanings in this release"),
+)
+def other_release(subject: LintSubject) -> Iterator[Problem]:
+    """This release does otherwise with the stage than the one that it comes from.
+
+    Why: a port without a value has the default of the release that opens the stage, some values are
+    lost, and some mean another thing. Isaac Sim says nothing of it. It is found only with `--from`:
+    the stage does not tell which of the two was meant. There is one finding for each change and
+    graph.
+
+    Fix: write the value that the stage had before, or accept the other one. What has no repair here
+    is for you to look at.
+
+    Example: Isaac Read Simulation Time without a value of Reset On Stop: it is off until 5.1.
+
+    Basis: the `.ogn` files of both releases, their change logs and NVIDIA's migration guides.
+    """
+    before = subject.moved_from
+    if before is None or before.release == subject.platform.release:
+        return
+    yield from _other_defaults(subject, before)
+    yield from _lost_values(subject, before)
+    yield from _other_sensors(subject, before)
+    for meaning, text in subject.platform.changes.told(before.release, subject.platform.release):
+        yield from _other_meaning(subject, meaning, text)
+
+
+def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]:
+    """Yield the inputs without a value or a wire whose default is another one."""
+    places: dict[tuple[str, str, str], list[Node]] = {}
+    for node in subject.live.values():
+        then = before.types.get(node.type_name)
+        if node.type is None or then is None or node.path not in working_nodes(subject.stage):
+            continue
+        for port in node.type.ports:
+            is_open = port.startswith(INPUT) and port in then.ports and _is_open(node.state(port))
+            if is_open and not same_value(_default(node, port, before), node.value(port)):
+                key = (node.path.rpartition("/")[0], node.type_name, port)
+                places.setdefault(key, []).append(node)
+    changes, releases = subject.platform.changes, (before.release, subject.platform.release)
+    for (_, kind, port), nodes in places.items():
+        was, now = _default(nodes[0], port, before), nodes[0].value(port)
+        if was is None or now is None or changes.does_nothing(kind, port, releases[1]):
+            continue
+        words = changes.defaults.get(port)
+        effect = f" ({words[0 if now else 1]})" if words else ""
+        usd_type = subject.platform.types[kind].ports[port].usd_type
+        message = (
+            f"{port} has no value{_more(nodes)}: Isaac Sim {releases[1]} takes "
+            f"{display(now)}{effect}, and {releases[0]} takes {display(was)}"
+        )
+        yield replace(
+            _at(nodes, message, port),
+            expected=display(was),
+            actual=display(now),
+            hint=f"write {display(was)} to keep what the stage did, or accept {display(now)}",
+            fix=tuple(SetValue(node.path, port, usd_type, was) for node in nodes),
+        )
+
+
+def _is_open(state: PortState | None) -> bool:
+    return state is None or not (state.value is not None or state.sources or state.targets)
+
+
+def _default(node: Node, port: str, platform: Platform) -> Value | None:
+    return platform.types[node.type_name].default(port, node.version)
+
+
+def _lost_values(subject: LintSubject, before: Platform) -> Iterator[Problem]:
+    """Yield the values of ports that only the other release has."""
+    places: dict[tuple[str, str, str], list[Node]] = {}
+    for node in subject.live.values():
+        then = before.types.get(node.type_name)
+        if node.type is None or then is None:
+            continue
+        for port, state in node.ports.items():
+            is_lost = port in then.ports and node.type.port(port) is None
+            value = None if isinstance(state.value, Unknown) else state.value
+            is_set = value is not None and not same_value(_default(node, port, before), value)
+            if is_lost and (is_set or state.targets) and not state.sources:
+                key = (node.path.rpartition("/")[0], node.type_name, port)
+                places.setdefault(key, []).append(node)
+    for (_, kind, port), nodes in places.items():
+        gone = subject.platform.changes.gone(kind, port) or GonePort()
+        if gone.prim or gone.off_for or gone.drop:
+            continue  # which K29 and K21 say, or which does nothing
+        instead = f": {gone.by}" if gone.by else ""
+        yield _at(
+            nodes,
+            f"{port} has a value{_more(nodes)}, and {node_title(nodes[0])} has no such port in "
+            f"Isaac Sim {subject.platform.release}{instead}",
+            port,
+        )
+
+
+def _at(nodes: list[Node], message: str, port: str | None = None) -> Problem:
+    """Return the problem of several nodes of one graph."""
+    related = tuple(node.path for node in nodes[1:])
+    return Problem(nodes[0].path, message, property=port, related=related)
+
+
+def _more(places: list[Node]) -> str:
+    return f" at {len(places)} nodes" if len(places) > 1 else ""
+
+
+def _other_sensors(subject: LintSubject, before: Platform) -> Iterator[Problem]:
+    """Yield what of the sensors that are read counts in one of the two releases alone."""
+    since = subject.platform.changes.sensors.since
+    now, then = subject.platform.release, before.release
+    if crosses(since, then, now):
+        for prim in read_lidars(subject.stage):
+            yield from _whole_turns(prim, then, subject)
+    elif crosses(since, now, then):
+        skips = subject.platform.changes.skips
+        for node, left_out, _ in _skipping(subject):
+            yield Problem(
+                node.path,
+                f"{skips.input} is {left_out}: it counts frames of the application here, and "
+                f"readings of the sensor in Isaac Sim {then}",
+                property=skips.input,
+                actual=str(left_out),
+            )
+        for prim in read_lidars(subject.stage):
+            yield from _former_names(prim, subject)
+
+
+def _whole_turns(prim: Prim, then: str, subject: LintSubject) -> Iterator[Problem]:
+    """Say that a lidar of before lacks the value by which each message is a whole turn."""
+    whole = subject.platform.sensor_models.lidar.whole
+    if prim.attributes.get(whole) is None:
+        yield Problem(
+            prim.path,
+            f"{whole} has no value: the sensor says now whether each message is a whole turn, and "
+            f"the helper of Isaac Sim {then} saw to it",
+            property=whole,
+            expected="True",
+            fix=(SetValue(prim.path, whole, "bool", value=True),),
+            rests_on=subject.stage.unknown(prim.path),
+        )
+
+
+def _former_names(prim: Prim, subject: LintSubject) -> Iterator[Problem]:
+    """Yield the attributes of a sensor that had another name before."""
+    renamed = subject.platform.sensor_models.renamed
+    for name in prim.attributes:
+        former = [old for old, new in renamed.items() if new == name]
+        if former:
+            right: tuple[Edit, ...] = (RenameProperty(prim.path, name, former[0]),)
+            yield Problem(
+                prim.path,
+                f"{name} is {' or '.join(former)} in Isaac Sim {subject.platform.release}",
+                property=name,
+                expected=former[0],
+                actual=display(prim.attributes[name]),
+                fix=right if len(former) == 1 else (),
+            )
+
+
+def _other_meaning(subject: LintSubject, meaning: Meaning, text: str) -> Iterator[Problem]:
+    """Yield a change of meaning, once for each graph, robot or asset."""
+    if meaning.asset:
+        assets = [each for each in subject.stage.unresolved if meaning.asset in each.asset]
+        for first in assets[:1]:
+            more = f" and {len(assets) - 1} more" if len(assets) > 1 else ""
+            message = f"{first.asset}{more}: {text}"
+            yield Problem(
+                first.prim, message, identity=meaning.id, severity=meaning.severity, hint=_LOOK
+            )
+    if meaning.schema:
+        for prim in subject.stage.with_api(lambda api: api == meaning.schema):
+            if prim.present and meaning.lacks not in prim.apis:
+                yield Problem(
+                    prim.path, text, identity=meaning.id, severity=meaning.severity, hint=_LOOK
+                )
+    graphs: dict[str, list[Node]] = {}
+    for node in subject.live.values():
+        is_asked = node.type_name in meaning.types and node.path in working_nodes(subject.stage)
+        if is_asked and _means(node, meaning, subject):
+            graphs.setdefault(node.path.rpartition("/")[0], []).append(node)
+    if sum(map(len, graphs.values())) < meaning.least:
+        return
+    for nodes in graphs.values():
+        name = next(iter(meaning.value), None)
+        where = f"{node_title(nodes[0])}{_more(nodes)}: {text}"
+        yield _as_told(_at(nodes, where, name), meaning)
+
+
+def _as_told(problem: Problem, meaning: Meaning) -> Problem:
+    return replace(problem, identity=meaning.id, severity=meaning.severity, hint=_LOOK)
+
+
+def _means(node: Node, meaning: Meaning, subject: LintSubject) -> bool:
+    """Whether a change of meaning is about a node as it is."""
+    for port, asked in meaning.value.items():
+        state = node.state(port)
+        is_written = state is not None and state.value is not None
+        if asked == ANY and not is_written:
+            return False
+        if asked != ANY and effective_value(node, port, subject.live) != asked:
+            return False
+    if meaning.port and not any(
+        _is_used(meaning, port, state) for port, state in node.ports.items()
+    ):
+        return False
+    return not meaning.attributes or _reads_other(node, meaning.attributes, subject)
+
+
+def _is_used(meaning: Meaning, port: str, state: PortState) -> bool:
+    is_asked = fnmatchcase(port, meaning.port) and port not in meaning.but
+    return is_asked and bool(state.targets or state.sources)
+
+
+def _reads_other(node: Node, names: Iterable[str], subject: LintSubject) -> bool:
+    """Whether a node reads a sensor that has one of these attributes otherwise than its schema."""
+    for reader, _, path in read_sensors(subject.stage):
+        prim = subject.stage.prim(path)
+        if reader is node and prim is not None:
+            known = values_of(prim, subject.stage).attributes
+            for name in names:
+                value = prim.attributes.get(name)
+                if value is not None and name in known and known[name].default != value:
+                    return True
+    return False
