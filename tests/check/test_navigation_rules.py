@@ -196,7 +196,136 @@ FAULTS = [
         changed("      max_vel_x: 0.22", "      max_vel_x: slow"),
         "controller_server.FollowPath.max_vel_x",
     ),
+    ("V12", changed("[GridBased]", "[GridBased, Fast]"), "planner_server.planner_plugins"),
+    ("V12", changed("[FollowPath]", "[Drive]"), "controller_server.controller_plugins"),
+    (
+        "V12",
+        changed("progress_checker_plugin: progress_checker", "progress_checker_plugin: mine"),
+        "controller_server.progress_checker_plugin",
+    ),
+    (
+        "V12",
+        changed(
+            "plugins: [obstacle_layer, inflation_layer]",
+            "plugins: [voxel_layer, obstacle_layer, inflation_layer]",
+        ),
+        "local_costmap.local_costmap.plugins",
+    ),
+    ("V13", changed("tf_broadcast: true", "tf_broadcast: false"), "amcl.tf_broadcast"),
+    ("V13", changed("topic_name: map", "topic_name: my_map"), "map_server.topic_name"),
+    ("V04", changed("frame_id: map", "frame_id: world"), "map_server.frame_id"),
+    ("V13", changed("odom_topic: /odom", "odom_topic: /odometry"), "bt_navigator.odom_topic"),
+    (
+        "V13",
+        changed("rolling_window: true", "rolling_window: false"),
+        "local_costmap.local_costmap.rolling_window",
+    ),
+    (
+        "V13",
+        changed("      rolling_window: true\n", ""),
+        "local_costmap.local_costmap.rolling_window",
+    ),
+    *(
+        (
+            "V13",
+            changed("robot_radius: 0.1", f"robot_radius: {radius}"),
+            "local_costmap.local_costmap.robot_radius",
+        )
+        for radius in ("2.0", "0.0", "-0.1")
+    ),
+    (
+        "V13",
+        changed("map_subscribe_transient_local: true", "map_subscribe_transient_local: false"),
+        "global_costmap.global_costmap.static_layer.map_subscribe_transient_local",
+    ),
+    (
+        "V13",
+        changed("controller_frequency: 10.0", "controller_frequency: 0.0"),
+        "controller_server.controller_frequency",
+    ),
+    (
+        "V13",
+        changed("update_frequency: 5.0", "update_frequency: 0.0"),
+        "local_costmap.local_costmap.update_frequency",
+    ),
+    (
+        "V13",
+        changed("max_speed_xy: 0.22", "max_speed_xy: 0.0"),
+        "controller_server.FollowPath.max_speed_xy",
+    ),
+    (
+        "V13",
+        changed("max_vel_theta: 1.0", "max_vel_theta: -1.0"),
+        "controller_server.FollowPath.max_vel_theta",
+    ),
+    (
+        "V13",
+        changed("max_decel: [-2.5, 0.0, -3.2]", "max_decel: [2.5, 0.0, 3.2]"),
+        "velocity_smoother.max_decel",
+    ),
+    (
+        "V13",
+        changed("max_accel: [2.5, 0.0, 3.2]", "max_accel: [-2.5, 0.0, 3.2]"),
+        "velocity_smoother.max_accel",
+    ),
+    (
+        "V13",
+        changed("max_velocity: [0.22, 0.0, 1.0]", "max_velocity: [0.22, 0.0, 0.0]"),
+        "velocity_smoother.max_velocity",
+    ),
+    (
+        "V13",
+        changed("min_velocity: [-0.22, 0.0, -1.0]", "min_velocity: [0.5, 0.0, -1.0]"),
+        "velocity_smoother.min_velocity",
+    ),
+    (
+        "V14",
+        changed("observation_sources: scan\n", "observation_sources: scan more\n"),
+        "local_costmap.local_costmap.obstacle_layer.observation_sources",
+    ),
+    (
+        "V14",
+        changed("data_type: LaserScan", "data_type: PointCloud2"),
+        "local_costmap.local_costmap.obstacle_layer.scan.data_type",
+    ),
+    (
+        "V14",
+        changed("max_obstacle_height: 2.0", "max_obstacle_height: 0.1"),
+        "local_costmap.local_costmap.obstacle_layer.scan.max_obstacle_height",
+    ),
+    (
+        "V14",
+        changed("          max_obstacle_height: 2.0      # metres, as the ranges\n", ""),
+        "local_costmap.local_costmap.obstacle_layer.observation_sources",
+    ),
+    (
+        "V14",
+        changed("marking: true", "marking: false"),
+        "local_costmap.local_costmap.obstacle_layer.scan.marking",
+    ),
 ]
+
+RIGHT = [
+    # Nav2 knows the types of its own lists.
+    changed("    GridBased:\n      plugin: nav2_navfn_planner/NavfnPlanner\n", "    GridBased:\n"),
+    changed("max_speed_xy: 0.22", "max_speed_xy: 0.22\n      max_vel_y: 0.0"),
+    changed("min_velocity: [-0.22, 0.0, -1.0]", "min_velocity: [0.0, 0.0, -1.0]"),
+    changed("max_decel: [-2.5, 0.0, -3.2]", "max_decel: [-2.5, 0.0, 0.0]"),
+    changed("observation_sources: scan\n", "observation_sources: ''\n"),
+    changed("topic_name: map", "topic_name: /map"),
+    # One source clears what another one marks.
+    changed(
+        "        observation_sources: scan\n",
+        "        observation_sources: scan clear\n        clear: {topic: /scan, marking: false, "
+        "clearing: true, data_type: LaserScan, max_obstacle_height: 2.0}\n",
+    ),
+    changed("scan:\n          topic: /scan\n", "scan:\n          topic: scan\n"),
+]
+
+
+@pytest.mark.parametrize("number", range(len(RIGHT)))
+def test_what_nav2_takes_has_no_problem(tmp_path: Path, number: int) -> None:
+    assert problems(read(tmp_path, RIGHT[number])) == {}
 
 
 NAMES = list(numbered(rule_id for rule_id, _, _ in FAULTS))

@@ -152,12 +152,48 @@ class FrameParameter(Struct, frozen=True, forbid_unknown_fields=True):
     frame: str
 
 
+class PluginList(Struct, frozen=True, forbid_unknown_fields=True):
+    """A parameter of some nodes that names plugins, each with a `plugin` in a block of its name.
+
+    The node itself knows those of the lists `known`.
+    """
+
+    nodes: tuple[str, ...]
+    name: str
+    known: tuple[tuple[str, ...], ...] = ()
+
+
+class ParameterDemand(Struct, frozen=True, forbid_unknown_fields=True):
+    """What parameters of these last names must be in some nodes, and what happens if they are not.
+
+    `nodes` are all where none is named. Each number of a list is meant; `ends_above` means the
+    first and the last. `like` names the value here that a topic must be, `at_most_of` a parameter
+    of the same node. With `unset`, the default of the node is no better.
+    """
+
+    names: tuple[str, ...]
+    effect: str
+    source: str
+    nodes: tuple[str, ...] = ()
+    above: float | None = None
+    below: float | None = None
+    at_least: float | None = None
+    at_most: float | None = None
+    ends_above: float | None = None
+    never: float | None = None
+    equals: bool | None = None
+    like: Literal["", "map_topic", "odom_topic"] = ""
+    at_most_of: str = ""
+    unset: bool = False
+
+
 class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """Nav2's parameters, in metres, radians and seconds.
 
     `behaviors` are plugins by name, `rviz` topics by display, `timed` nodes with a clock of their
     own; `types` lists the last names of parameters by type, `plugins` all of the distribution, and
-    `former_plugins` gives those of earlier ones by their names there.
+    `former_plugins` gives those of earlier ones by their names there. `scan_height` is that of the
+    lidar above the ground.
     """
 
     handout: str
@@ -181,6 +217,9 @@ class NavigationSpec(Struct, frozen=True, forbid_unknown_fields=True):
     behaviors: Mapping[str, str]
     rviz: Mapping[str, str]
     former_plugins: Mapping[str, str] = {}
+    plugin_lists: tuple[PluginList, ...] = ()
+    demands: tuple[ParameterDemand, ...] = ()
+    scan_height: float = 0.0
 
 
 class SystemSpec(Struct, frozen=True, forbid_unknown_fields=True):

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+import operator
+from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import shortened
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import NavigationSubject, Parameter
+from lab3_usd.spec.ros import ParameterDemand
 
 
 def parameter_problem(
@@ -258,7 +260,10 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
         **dict.fromkeys(names.angular, navigation.angular_speed),
     }
     wanted = [navigation.linear_speed, 0.0, navigation.angular_speed]
+    demands = navigation.demands
     for parameter in subject.parameters:
+        if any(_is_meant(parameter, each) and _unmet(parameter, each, subject) for each in demands):
+            continue  # no speed at all
         limit = limits.get(parameter.last)
         if limit is not None and parameter.kind != "string" and not _close(parameter.value, limit):
             message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {limit}"
@@ -284,6 +289,164 @@ def stamped_velocity(subject: NavigationSubject) -> Iterator[Problem]:
         if parameter.last == name and parameter.value is True:
             message = f"{name} is true, expected plain Twist commands"
             yield parameter_problem(subject, parameter, message, expected="false")
+
+
+@rule("V12", "plugin-without-type", scope="navigation")
+def plugin_without_type(subject: NavigationSubject) -> Iterator[Problem]:
+    """A list names a plugin that has no block with its type.
+
+    Why: the node reads the type from `plugin` in a block of the plugin's name, and ends without it.
+    The lifecycle manager then activates nothing. Only of Nav2's own lists it knows the types.
+
+    Fix: add the block with its `plugin`, or take the name out of the list.
+
+    Example: `planner_plugins: [Fast]` without a block `Fast`.
+
+    Basis: `nav2_util/node_utils.hpp:139-152` of the humble branch.
+    """
+    known = {(_last(parameter.node), parameter.name) for parameter in subject.parameters}
+    refused = {refusal.name for refusal in subject.refusals}
+    for listing in subject.navigation.plugin_lists:
+        for parameter in subject.parameters:
+            node = _last(parameter.node)
+            is_meant = node in listing.nodes and parameter.name == listing.name
+            if not is_meant or parameter.site in refused:
+                continue
+            value = parameter.value
+            names = tuple(map(str, value if isinstance(value, list) else [value]))
+            for name in () if names in listing.known else dict.fromkeys(names):
+                if name and (node, f"{name}.plugin") not in known:
+                    message = f"{parameter.name} names {name}, and {name}.plugin is not set"
+                    yield parameter_problem(subject, parameter, message, f"a block {name}")
+
+
+@rule("V13", "useless-parameter", scope="navigation")
+def useless_parameter(subject: NavigationSubject) -> Iterator[Problem]:
+    """A value ends its node, or leaves the robot without a way or a speed.
+
+    Why: each message says what happens.
+
+    Fix: write a value as expected here.
+
+    Example: `max_decel: [2.5, 0.0, 3.2]`, which must be 0 or below: the velocity smoother ends.
+    """
+    for demand in subject.navigation.demands:
+        judged = [p for p in subject.parameters if _is_meant(p, demand)]
+        for parameter in judged:
+            expected = _unmet(parameter, demand, subject)
+            if expected:
+                message = f"{parameter.name} is {shortened(parameter.value)}: {demand.effect}"
+                yield parameter_problem(subject, parameter, message, expected)
+        nodes = dict.fromkeys(p.node for p in subject.parameters if _last(p.node) in demand.nodes)
+        for node in nodes if demand.unset else ():
+            if not any(parameter.node == node for parameter in judged):
+                (name,) = demand.names
+                message = f"{name} is absent in {node}: {demand.effect}"
+                yield Problem(subject.file, message, f"{node}.{name}", shortened(demand.equals))
+
+
+def _is_meant(parameter: Parameter, demand: ParameterDemand) -> bool:
+    is_of_node = not demand.nodes or _last(parameter.node) in demand.nodes
+    return is_of_node and parameter.last in demand.names
+
+
+def _unmet(parameter: Parameter, demand: ParameterDemand, subject: NavigationSubject) -> str:
+    """Return what a value should be, '' for one that is right; other types are another finding."""
+    value = parameter.value
+    if demand.equals is not None:
+        is_right = not isinstance(value, bool) or value is demand.equals
+        return "" if is_right else shortened(demand.equals)
+    if demand.like:
+        wanted = str(getattr(subject.navigation, demand.like))
+        return "" if _topic(value) == wanted else wanted
+    numbers = _numbers(value)
+    if demand.at_most_of:
+        place = (parameter.node, demand.at_most_of)
+        others = [_numbers(p.value) for p in subject.parameters if (p.node, p.name) == place]
+        pairs = zip(numbers, others[0], strict=False) if others else ()
+        return f"at most {demand.at_most_of}" if any(low > high for low, high in pairs) else ""
+    ends = [numbers[0], numbers[-1]] if numbers else []
+    bounds = (
+        (demand.above, numbers, operator.gt, "above"),
+        (demand.ends_above, ends, operator.gt, "above"),
+        (demand.below, numbers, operator.lt, "below"),
+        (demand.at_least, numbers, operator.ge, "at least"),
+        (demand.at_most, numbers, operator.le, "at most"),
+        (demand.never, numbers, operator.ne, "not"),
+    )
+    unmet = [
+        f"{word} {bound:g}"
+        for bound, judged, fits, word in bounds
+        if bound is not None and not all(fits(each, bound) for each in judged)
+    ]
+    return unmet[0] if unmet else ""
+
+
+def _numbers(value: object) -> list[float]:
+    items = value if isinstance(value, list) else [value]
+    return [i for i in items if isinstance(i, (int, float)) and not isinstance(i, bool)]
+
+
+@rule("V14", "source-without-scan", scope="navigation")
+def source_without_scan(subject: NavigationSubject) -> Iterator[Problem]:
+    """A source of a costmap marks no obstacle.
+
+    Why: without values, a source listens in the namespace of its costmap, and everything above its
+    `max_obstacle_height` of 0 m is left out. A scan is no point cloud. Without `marking` obstacles
+    are only cleared.
+
+    Fix: write the values named here for the source.
+
+    Example: `observation_sources: scan` without a block `scan`.
+
+    Basis: `nav2_costmap_2d/plugins/obstacle_layer.cpp`, which declares the defaults.
+    """
+    navigation = subject.navigation
+    by_place = {(p.node, p.name): p for p in subject.parameters}
+    for listing in subject.parameters:
+        if listing.last != navigation.parameters.sources or not isinstance(listing.value, str):
+            continue
+        layer = listing.name.rpartition(".")[0]
+        unmarked = []
+        names = listing.value.split()
+        for name in names:
+            place = f"{layer}.{name}" if layer else name
+            values = {
+                p.last: p
+                for (node, full), p in by_place.items()
+                if node == listing.node and full.rpartition(".")[0] == place
+            }
+            if not values:
+                message = f"{listing.name} names {name}, which has no values: it sees no obstacle"
+                yield parameter_problem(subject, listing, message, f"a block {name}")
+                continue
+            marking = values.get("marking")
+            unmarked += [marking] if marking is not None and marking.value is False else []
+            topic = values.get("topic")
+            if topic is None or _topic(topic.value) == navigation.scan_topic:
+                yield from _of_scan(values, listing, place, subject)
+        if len(unmarked) == len(names):
+            for marking in unmarked:
+                message = f"{marking.name} is false: no obstacle is marked"
+                yield parameter_problem(subject, marking, message, "true")
+
+
+def _of_scan(
+    values: Mapping[str, Parameter], listing: Parameter, place: str, subject: NavigationSubject
+) -> Iterator[Problem]:
+    """Yield what keeps a source from marking what a scan shows."""
+    navigation = subject.navigation
+    kind, height = values.get("data_type"), values.get("max_obstacle_height")
+    if kind is not None and kind.value != navigation.parameters.laser:
+        message = f"{kind.name} is {shortened(kind.value)}, the topic has scans"
+        yield parameter_problem(subject, kind, message, navigation.parameters.laser)
+    least = f"above {navigation.scan_height:g}"
+    if height is None:
+        message = f"{place}.max_obstacle_height is not set: 0 m, below the lidar"
+        yield parameter_problem(subject, listing, message, least)
+    elif any(number <= navigation.scan_height for number in _numbers(height.value)):
+        message = f"{height.name} is {shortened(height.value)}, below the lidar"
+        yield parameter_problem(subject, height, message, least)
 
 
 def _named(subject: NavigationSubject, names: tuple[str, ...]) -> list[Parameter]:
