@@ -12,6 +12,8 @@ FOUND = {
     "w03_radius_missing_sensor": {("K64", "/World/Drive/diff")},
     "w17_radius_sim_blame": {("K64", "/World/Drive/diff")},
     "w20_graph_target": {("K14", "/World/Cam/rp")},
+    "w51_lidar_frame_offset": {("K87", "/World/L/scan")},
+    "w76_odom_of_offset_frame": {("K83", "/World/Odom/odo")},
     "r30_timecode": set[tuple[str, str]](),
     "w80_once": {("K64", "/World/D/diff"), ("K10", "/World/D/diff")},
     "r81_missing_context_same_domain": set[tuple[str, str]](),

@@ -5,11 +5,11 @@ Everything that asks whether something happens asks here: rules, topics, frames 
 
 from __future__ import annotations
 
-import math
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Literal
 
+from lab3_usd.facts.formulas import product
 from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, is_refused
 from lab3_usd.isaac.platform import Platform
@@ -453,8 +453,7 @@ def _given(node: Node, live: Nodes, depth: int) -> Value | None:
     if (kind := node.type) is None:
         return None
     if kind.multiplies:
-        values = [effective_value(node, port, live, depth) for port in node.ports if INPUT in port]
-        return _product(values)
+        return product([effective_value(node, p, live, depth) for p in node.ports if INPUT in p])
     if kind.picks:
         chosen = effective_value(node, kind.picks[0], live, depth)
         known = isinstance(chosen, bool)
@@ -466,14 +465,6 @@ def _given(node: Node, live: Nodes, depth: int) -> Value | None:
             return array[at]
         return None
     return (_variable if kind.variable else _text_of)(node, kind, live, depth)
-
-
-def _product(values: Sequence[Value | None]) -> float | None:
-    """Return the product of numbers, None where one is unknown and none is 0."""
-    known = [float(v) for v in values if isinstance(v, (int, float)) and not isinstance(v, bool)]
-    if 0.0 in known:
-        return 0.0
-    return math.prod(known) if len(known) == len(values) > 1 else None
 
 
 def _variable(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
@@ -20,7 +20,11 @@ from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.sensor_topics import frame_prims
+from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.model.transforms import decompose, distance
+
+_APART = 0.02  # metres between places that are two
 
 
 def feeding_nodes(node: Node, live: Nodes) -> list[Node]:
@@ -89,15 +93,17 @@ def robot_spaces(stage: StageModel) -> Mapping[tuple[str, str], str]:
 
 
 class MisnamedPose(Struct, frozen=True, eq=False):
-    """The pose of a body that is sent as that of another one, against which it moves.
+    """The pose of a body that is sent as that of another one, which moves against it or is apart.
 
-    `publisher` sends it as the pose of `frame`, which is the frame of `prim`.
+    `publisher` sends it as the pose of `frame`, which is the frame of `prim`. `away` is how many
+    metres it stands from it, 0 where it moves against it.
     """
 
     followed: Followed
     publisher: str
     frame: str
     prim: str
+    away: float = 0.0
 
 
 @once_per_stage
@@ -129,3 +135,16 @@ def _misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
                 moving[key] = set(map(bodies.rigid_of, prims))
             if bodies.rigid_of(body.path) not in moving[key]:
                 yield MisnamedPose(followed, end.node.path, name, prims[0])
+            elif away := _away(body, prims, stage):
+                yield MisnamedPose(followed, end.node.path, name, prims[0], away)
+
+
+def _away(body: Prim, paths: Iterable[str], stage: StageModel) -> float:
+    """Return how far a body stands from the nearest of some prims, 0 where one is there."""
+    others = [stage.prim(path) for path in paths]
+    if body.world is None or any(prim is None or prim.world is None for prim in others):
+        return 0.0
+    start = decompose(body.world).translation
+    ends = [decompose(prim.world).translation for prim in others if prim and prim.world]
+    away = min(distance(start, end) for end in ends) * stage.meters_per_unit
+    return away if away > _APART else 0.0

@@ -258,7 +258,9 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
     """The chassis of odometry is a wheel, or not the named link.
 
     Why: a wheel rotates: odometry shows a robot that rolls over and over, with a speed in all
-    directions. A foot or an arm moves against the base, and so does the base in its odometry.
+    directions. A foot or an arm moves against the base, and so does the base in its odometry. With
+    the pose of a prim that stands 2 cm and more from the link that is named, the robot is shifted,
+    and turns about another point.
 
     Fix: set Chassis Prim to the base link of the robot.
 
@@ -286,7 +288,12 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
         body = "" if pose.followed.body is None else pose.followed.body.path
         if body not in told and robots.owner(pose.prim) == robots.owner(body):
             told.add(body)
-            yield misnamed(pose, "which moves against it", pose.followed.unknown)
+            why = (
+                f"which stands {pose.away:.2g} m from it" if pose.away else "which moves against it"
+            )
+            prims = (subject.stage.prim(pose.prim), pose.followed.body)
+            asset = subject.stage.unknown_pose(*filter(None, prims)) if pose.away else None
+            yield misnamed(pose, why, asset or pose.followed.unknown)
 
 
 def misnamed(pose: MisnamedPose, why: str, rests_on: UnresolvedAsset | None) -> Problem:

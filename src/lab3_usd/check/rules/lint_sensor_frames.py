@@ -26,6 +26,7 @@ from lab3_usd.model.transforms import (
 )
 
 _NEAR, _ALIKE = 0.001, 0.5  # metres and degrees between places that are one
+_APART = 0.02  # metres from which on points are elsewhere
 _TURNED = 5.0  # degrees from which on points are elsewhere
 _BASELINE = 0.5  # metres between the two cameras of a stereo pair, at most
 _POINTS = ("sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan")
@@ -126,11 +127,12 @@ def _is_right_of(left: Vector, ahead: Vector, right: Vector, unit: float) -> boo
 
 @rule("K87", "frame-off-sensor", scope="lint", severity="warning")
 def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
-    """A sensor's frame does not move with it, or is turned against it.
+    """A sensor's frame does not move with it, stands elsewhere, or is turned against it.
 
     Why: listeners place the data by its frame. In `odom` or in the frame of a wheel it moves away
     from the robot. The points of a depth image are in the axes of REP 103 for cameras, z ahead: in
-    the frame of a link, x ahead, the cloud stands on its side.
+    the frame of a link, x ahead, the cloud stands on its side. Points in a frame 2 cm and more from
+    their sensor are shifted by as much.
 
     Fix: use the frame of the sensor itself, or of a link that moves with it and has its axes.
 
@@ -145,7 +147,7 @@ def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
         if any(_is_sensor(prim, subject) for prim in named):
             continue
         fault = _resting(topic, subject) or _moving(topic, frame, subject)
-        fault = fault or _turned(topic, named, subject)
+        fault = fault or _turned(topic, named, subject) or _apart(topic, named, subject)
         paths = (topic.sensor.path, *(prim.path for prim in named[:1]))
         if fault:
             yield Problem(
@@ -189,6 +191,16 @@ def _turned(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
     if turn <= _TURNED:
         return ""
     return f"which is turned by {turn:.0f} degrees against the points of {topic.sensor.path}"
+
+
+def _apart(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
+    """Return how far a frame stands from the sensor of its points, '' where it is there."""
+    data = _axes(topic.sensor, subject)
+    places = [place for prim in named if (place := _axes(prim, subject)) is not None]
+    if topic.endpoint.type not in _POINTS or data is None or len(places) < max(1, len(named)):
+        return ""
+    away = subject.stage.meters_per_unit * min(distance(start, data[0]) for start, _ in places)
+    return f"which stands {away:.2g} m from {topic.sensor.path}" if away > _APART else ""
 
 
 def _top(path: str) -> str:
