@@ -34,6 +34,9 @@ CALLS = {
     "lint work --baseline base.json": "-o --write-baseline",
     "lint STAGE --fix": "-o",
     "fix STAGE --starter STARTER --force": "-o",
+    "add publisher STAGE --force": "-o --layer",
+    "add --file ros.yaml STAGE --force": "-o --layer",
+    "remove clock STAGE --force": "-o",
     "sim STAGE --drive drive.txt --maps maps/map.yaml": "--page",
     "bag run --stage STAGE --maps maps": "--page",
     "bag run/run.mcap": "--page",
@@ -61,11 +64,14 @@ READ = {
     "lab/rubric.yaml": ["lab/rubric.yaml"],
     "base.json": ["base.json"],
     "drive.txt": ["drive.txt"],
+    "ros.yaml": ["ros.yaml"],
     "other.toml": ["other.toml", "supplied/maps/m.yaml"],
     "sub": ["sub/Lab3_01_ros_clock.usda"],
 }
 PLACES = {"STAGE": "work/Lab3_01_ros_clock.usda", "STARTER": "supplied/starter.usda"}
 NOT_CONFIGURED = {
+    "add",
+    "remove",
     "sim",
     "bag",
     "tf",
@@ -96,6 +102,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
         "work/notes.txt": "mine\n",
         "base.json": '{"version": 1, "findings": []}',
         "drive.txt": "0.1,0,1\n",
+        "ros.yaml": "add: [publisher]\n",
         "maps/map.yaml": "image: map.pgm\n",
         "maps/map.pgm": "P5 1 1 255 0",
         "supplied/maps/m.yaml": "image: m.pgm\n",

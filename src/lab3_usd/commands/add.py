@@ -17,6 +17,7 @@ from lab3_usd.commands.shared.options import (
     use_config,
     width,
 )
+from lab3_usd.commands.shared.paths import Input, OutputFile
 from lab3_usd.commands.shared.requests import kind_and_stage, request_of, request_options
 from lab3_usd.commands.shared.writing import check_ways, diffs, replaced, shown, writing_options
 from lab3_usd.data import program
@@ -50,11 +51,11 @@ _LABEL, _WIDEST, _NARROWEST = 10, 34, 60  # columns of the text
 
 
 @click.command("add")
-@click.argument("words", nargs=-1, required=True, metavar="KIND STAGE")
+@click.argument("words", nargs=-1, required=True, metavar="KIND STAGE", type=Input())
 @click.option(
     "--file",
     "requests",
-    type=click.Path(path_type=Path),
+    type=Input(path_type=Path),
     help="Add what this YAML file lists instead of KIND; replace what differs.",
 )
 @request_options
@@ -62,7 +63,7 @@ _LABEL, _WIDEST, _NARROWEST = 10, 34, 60  # columns of the text
 @writing_options("extended")
 @click.option(
     "--layer",
-    type=click.Path(path_type=Path),
+    type=OutputFile(path_type=Path),
     metavar="FILE",
     help="Write a layer over the stage with the graphs alone.",
 )

@@ -10,7 +10,6 @@ from typing import Any
 
 import click
 
-from lab3_usd import features
 from lab3_usd.commands.shared.options import (
     assets_option,
     checkpoint_number,
@@ -22,19 +21,22 @@ from lab3_usd.commands.shared.options import (
     rules_options,
     with_config,
 )
-from lab3_usd.commands.shared.paths import Input, OutputRepair
+from lab3_usd.commands.shared.paths import Input
 from lab3_usd.commands.shared.reporting import selected_findings
+from lab3_usd.commands.shared.writing import (
+    check_ways,
+    diffs,
+    replaced,
+    shown,
+    writing_options,
+)
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
-    keep_original,
-    lines_of,
     refuse_existing,
     refuse_shared,
-    replace_files,
     write_whole,
 )
-from lab3_usd.fix.patch import patch
 from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix_linted, fix_stage
 from lab3_usd.installation import command_line
 from lab3_usd.isaac.releases import BASE
@@ -46,8 +48,6 @@ from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 from lab3_usd.stage.read.opening import check_file
 from lab3_usd.stage.read.watched_files import used_files
-
-_TEXT = b"#usda"
 
 
 def run(paths: Sequence[str], options: Mapping[str, Any]) -> int:
@@ -90,19 +90,10 @@ def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
 
 
 def _check_options(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
-    ways = [name for name in ("diff", "output", "in_place") if options[name]]
-    if len(ways) > 1:
-        raise UsageError("--diff, --output and --in-place exclude each other")
+    check_ways(stages, options)
     for name, value in (("--isaac", "release"), ("--from", "moved_from")):
         if options[value] is not None and not options["lint"]:
             raise UsageError(f"{name} goes with --lint")
-    output = options["output"]
-    if output is None:
-        return
-    if len(stages) > 1:
-        raise UsageError("--output goes with one stage; use --in-place")
-    if output.suffix.lower() != stages[0].suffix.lower():
-        raise UsageError(f"{output}: must end in {stages[0].suffix}, as the stage does")
 
 
 def _fix(stage: Path, options: Mapping[str, Any]) -> int:
@@ -121,7 +112,7 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
         checkpoint = checkpoint_at(str(stage), JudgeSettings(given, config=options["config"]), lab)
         fixed = fix_stage(stage, checkpoint, lab, settings)
     if options["diff"]:
-        for line in _diffs(fixed):
+        for line in diffs(fixed.files, fixed.states):
             click.echo(line, nl=False)
         return 1 if fixed.files else 0
     if options["output"] is not None:
@@ -130,7 +121,7 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
         _refuse_layers([options["output"]], stage, options["starter"])
         check_result(fixed, data, options["output"])
         write_whole(options["output"], data, force=options["force"])
-        click.echo(f"written: {_shown(options['output'])}")
+        click.echo(f"written: {shown(options['output'])}")
     elif options["in_place"]:
         _refuse_layers(fixed.files, options["starter"])
         _replace(fixed, keep=not options["no_orig"], force=options["force"])
@@ -154,53 +145,14 @@ def _refuse_layers(outputs: Iterable[Path], *stages: Path | str | None) -> None:
                 raise UsageError(f"{path}: is a file of {stage}, which this command reads")
 
 
-def _diffs(fixed: Fixed) -> Iterator[str]:
-    """Yield a unified diff of each text file, and the differences of the others as stages."""
-    for path, data in fixed.files.items():
-        old = fixed.states[path].content
-        if not data.startswith(_TEXT):
-            yield from (f"{line}\n" for line in features.changes_to(path, data))
-            continue
-        before, after = (lines_of(content.decode()) for content in (old, data))
-        names = _name_in_patch("a", path), _name_in_patch("b", path)
-        for line in patch(before, after, *names):
-            yield line if line.endswith("\n") else f"{line}\n\\ No newline at end of file\n"
-
-
-def _name_in_patch(side: str, path: Path) -> str:
-    """Return the name of a file as git writes it: quoted, or with a tab behind one with a space."""
-    name = f"{side}/{Path(os.path.relpath(path)).as_posix()}"
-    if name.isprintable() and not {'"', "\\"} & {*name}:
-        return f"{name}\t" if " " in name else name
-    letters = (
-        f"\\{byte:03o}" if byte < ord(" ") or byte > ord("~") or byte in b'"\\' else chr(byte)
-        for byte in os.fsencode(name)
-    )
-    return f'"{"".join(letters)}"'
-
-
 def _replace(fixed: Fixed, *, keep: bool, force: bool) -> None:
     """Replace the files of a stage, after the last of them was checked."""
     for path, data in fixed.files.items():
         if not force:
             refuse_shared(path)
         check_result(fixed, data, path)
-    originals: dict[Path, Path] = {}
-    try:
-        for path in fixed.files if keep else ():
-            originals[path] = keep_original(path, fixed.states[path].content)
-        replace_files(fixed.files, fixed.states)
-    except Lab3Error:
-        for original in originals.values():
-            original.unlink(missing_ok=True)
-        raise
-    for path in fixed.files:
-        kept = f", the old one is {_shown(originals[path])}" if keep else ""
-        click.echo(f"written: {_shown(path)}{kept}")
-
-
-def _shown(path: Path) -> str:
-    return visible(os.path.relpath(path) if path.is_absolute() else str(path))
+    for line in replaced(fixed.files, fixed.states, keep=keep):
+        click.echo(line)
 
 
 def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
@@ -211,11 +163,11 @@ def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> No
         why = _why_left(finding, fixed, unsafe=options["unsafe"])
         echo_folded(f"{why} {finding.severity} {_line(finding)}")
     done = "repaired" if written else "would be repaired"
-    click.echo(f"{_shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
+    click.echo(f"{shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
     if fixed.files and not written:
         context = click.get_current_context()
         called = (program(), *lab_words(context), str(context.command.name))
-        words = command_line(*called, _shown(stage), *given_words(context))
+        words = command_line(*called, shown(stage), *given_words(context))
         click.echo(f"to repair: {words} --in-place")
 
 
@@ -255,13 +207,8 @@ def _line(finding: Finding) -> str:
     metavar="RELEASE",
     help="With --lint: also what this release, which the stage comes from, does otherwise.",
 )
-@click.option("--diff", is_flag=True, help="Print the changes, and write nothing.")
 @click.option("--unsafe", is_flag=True, help="Also add, remove and move prims, and what is likely.")
-@click.option(
-    "--output", "-o", type=OutputRepair(path_type=Path), help="Write the repaired stage here."
-)
-@click.option("--in-place", is_flag=True, help="Replace the file; keep the old one as NAME.orig.")
-@click.option("--no-orig", is_flag=True, help="With --in-place: keep no NAME.orig.")
+@writing_options("repaired")
 @click.option(
     "--force",
     is_flag=True,

@@ -14,6 +14,7 @@ from lab3_usd.commands.shared.options import (
     text_or_json,
     use_config,
 )
+from lab3_usd.commands.shared.paths import Input
 from lab3_usd.commands.shared.requests import kind_and_stage, request_of, request_options
 from lab3_usd.commands.shared.writing import check_ways, diffs, replaced, shown, writing_options
 from lab3_usd.data import program
@@ -23,7 +24,7 @@ from lab3_usd.installation import command_line
 
 
 @click.command("remove")
-@click.argument("words", nargs=-1, required=True, metavar="KIND STAGE")
+@click.argument("words", nargs=-1, required=True, metavar="KIND STAGE", type=Input())
 @request_options
 @writing_options("remaining")
 @click.option("--force", is_flag=True, help="Write in spite of new errors; replace any file.")

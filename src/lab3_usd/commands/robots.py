@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.shared.options import assets_option, text_or_json, use_config
+from lab3_usd.commands.shared.paths import Input
 
 if TYPE_CHECKING:
     from lab3_usd.facts.robots import Robot, RobotJoint, Sensor, Wheel
@@ -18,7 +19,7 @@ if TYPE_CHECKING:
 
 
 @click.command("robots")
-@click.argument("stage", type=click.Path(path_type=Path))
+@click.argument("stage", type=Input(path_type=Path))
 @click.option("--isaac", "release", metavar="RELEASE", help="Read by this release of Isaac Sim.")
 @text_or_json
 @assets_option

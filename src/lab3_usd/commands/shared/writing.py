@@ -11,6 +11,7 @@ import click
 
 from lab3_usd import features
 from lab3_usd.commands.shared.options import Option, all_of
+from lab3_usd.commands.shared.paths import OutputRepair
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import FileState, keep_original, lines_of, replace_files
 from lab3_usd.fix.patch import patch
@@ -18,6 +19,7 @@ from lab3_usd.report.safe_text import visible
 
 _TEXT = b"#usda"
 _DIFF, _OUTPUT, _IN_PLACE = "diff", "output", "in_place"
+_WAYS = "--diff, --output and --in-place"
 
 
 def writing_options(what: str) -> Option:
@@ -27,7 +29,7 @@ def writing_options(what: str) -> Option:
         click.option(
             "--output",
             "-o",
-            type=click.Path(path_type=Path),
+            type=OutputRepair(path_type=Path),
             help=f"Write the {what} stage here.",
         ),
         click.option(
@@ -41,12 +43,12 @@ def check_ways(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
     """Refuse ways of writing that exclude each other.
 
     Raises:
-        UsageError: they do, or the output cannot be one of the stages.
+        UsageError: they do, or the output has another ending than the stage.
     """
     ways = [name for name in (_DIFF, _OUTPUT, _IN_PLACE, "layer") if options.get(name)]
     if len(ways) > 1:
-        names = [f"--{name.replace('_', '-')}" for name in ways]
-        raise UsageError(f"{', '.join(names[:-1])} and {names[-1]} exclude each other")
+        all_of_them = "--diff, --output, --in-place and --layer" if "layer" in options else _WAYS
+        raise UsageError(f"{all_of_them} exclude each other")
     output = options[_OUTPUT]
     if output is None:
         return
@@ -54,8 +56,6 @@ def check_ways(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
         raise UsageError("--output goes with one stage; use --in-place")
     if output.suffix.lower() != stages[0].suffix.lower():
         raise UsageError(f"{output}: must end in {stages[0].suffix}, as the stage does")
-    if output.exists() and output.samefile(stages[0]):
-        raise UsageError(f"{output}: is the stage itself; use --in-place")
 
 
 def diffs(files: Mapping[Path, bytes], states: Mapping[Path, FileState]) -> Iterator[str]:
