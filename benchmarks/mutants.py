@@ -1,13 +1,15 @@
 """Changes one place of the program at a time, and prints which changes the tests notice.
 
 Usage: python benchmarks/mutants.py [--seed N] [--count N] [--only ROOM] [--jobs N] [--map FOLDER]
+       python benchmarks/mutants.py --near [--seed N] [--count N] [--only ROOM] [--jobs N]
 
 Places are drawn by the seed, in each room as many as its share of the code. A mutant is killed when
 a test fails that passes on the program as it is, or when the tests no longer end. Only test files
 that execute the changed statement run, those that name its module and those of its room first;
 which they are is measured once (`--map` keeps it) and again for a test file that changes. In a
 module that changed since, lines are found again by their text. Not part of the suite: it takes an
-hour.
+hour. With `--near` nothing is measured: the test files that name the module run, then those of its
+room; a survivor may be killed by a test of another room.
 
 What no test can see is no mutant: `strict=` of `zip`, which asserts what the code guarantees;
 `encoding=` left away, which is the same on this machine; `return False` made None, where True is a
@@ -96,6 +98,7 @@ TYPES_AND_DECORATORS = {
     "pattern",
     "type_params",
 }
+SECONDS_NEAR = 10  # that a test file is taken to last which was not measured
 MEASURE_LIMIT, SLACK, PER_SECOND = 900, 60, 5
 FAILED = re.compile(r"^(?:FAILED|ERROR) (tests/\S+?\.py(?:::.*?)?)(?: - .*)?$", re.MULTILINE)
 
@@ -364,14 +367,24 @@ def tests_of(mutant: Mutant, files: Iterable[Measured]) -> list[Measured]:
     )
 
 
+def near_tests(mutant: Mutant, files: Iterable[Measured]) -> list[Measured]:
+    """Return the test files that name the module, then those of its room."""
+    dotted = ".".join(mutant.path.with_suffix("").parts[1:])
+    names_it = {
+        file.path for file in files if dotted in (REPOSITORY / file.path).read_text("utf-8")
+    }
+    room = f"tests/{TESTS.get(mutant.room, mutant.room)}/"
+    near = (file for file in files if file.path in names_it or file.path.startswith(room))
+    return sorted(near, key=lambda file: (file.path not in names_it, file.path))
+
+
 def killer(
-    mutant: Mutant, files: Sequence[Measured], tree: Path, clean: Path, budget: float
+    mutant: Mutant, chosen: Sequence[Measured], tree: Path, clean: Path, budget: float
 ) -> tuple[str | None, str]:
     """Return the test that notices a mutant, if any, and how many files ran."""
     path = tree / mutant.path
     source = path.read_bytes()
     path.write_bytes(mutant.text(source))
-    chosen = tests_of(mutant, files)
     spent, done = 0.0, 0
     try:
         for batch in _batches(chosen):
@@ -438,6 +451,7 @@ def main() -> int:
     parser.add_argument("--count", type=int, default=120)
     parser.add_argument("--only", metavar="ROOM", help="only the mutants of one room")
     parser.add_argument("--jobs", type=int, default=2)
+    parser.add_argument("--near", action="store_true", help="measure nothing, run what is near")
     parser.add_argument("--map", type=Path, help="where it is kept which test executes what")
     parser.add_argument("--budget", type=float, default=400, help="seconds of tests for a mutant")
     parser.add_argument("--list", action="store_true", help="print the mutants and run nothing")
@@ -466,14 +480,18 @@ def main() -> int:
         trees: SimpleQueue[Path] = SimpleQueue()
         for number in range(options.jobs):
             trees.put(_copied(Path(copies), str(number)))
-        files = list(pool.map(lambda name: measured(name, clean, folder), names))
+        if options.near:
+            files = [Measured(name, SECONDS_NEAR, {}, ()) for name in names]
+        else:
+            files = list(pool.map(lambda name: measured(name, clean, folder), names))
         if options.measure:
             return 0
 
         def outcome(mutant: Mutant) -> bool:
             tree = trees.get()
             try:
-                test, ran = killer(mutant, files, tree, clean, options.budget)
+                find = near_tests if options.near else tests_of
+                test, ran = killer(mutant, find(mutant, files), tree, clean, options.budget)
             finally:
                 trees.put(tree)
             source = (REPOSITORY / mutant.path).read_bytes()
