@@ -179,9 +179,10 @@ def test_a_missing_robot_alone_does_not_give_the_camera_that_the_stage_itself_ha
     assert sites(with_camera(bare(targets(m.ROBOT, m.CAMERA)))) == []
 
 
-def test_a_bogus_asset_on_a_robot_that_is_there_changes_nothing() -> None:
+def test_a_bogus_asset_on_a_robot_that_is_there_changes_nothing(subtests: pytest.Subtests) -> None:
     for stage in (targets(m.ROBOT, m.CAMERA), every_target(base_scan=""), targets(m.BASE)):
-        assert sites(asset_at(stage, m.ROBOT)) == sites(stage)
+        with subtests.test(stage=stage):
+            assert sites(asset_at(stage, m.ROBOT)) == sites(stage)
 
 
 def test_a_missing_lidar_below_the_robot_excuses_no_link() -> None:

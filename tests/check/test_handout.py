@@ -306,10 +306,13 @@ def test_the_camera_looks_forward_with_its_top_up(stages: list[Usd.Stage]) -> No
     assert Gf.IsClose(up, Gf.Vec3d(0, 0, 1), 1e-9)
 
 
-def test_the_cameras_aperture_is_left_alone(stages: list[Usd.Stage]) -> None:
+def test_the_cameras_aperture_is_left_alone(
+    stages: list[Usd.Stage], subtests: pytest.Subtests
+) -> None:
     prim = stages[-1].GetPrimAtPath(CAMERA)
     for name in ("horizontalAperture", "verticalAperture"):
-        assert not prim.GetAttribute(name).HasAuthoredValue()
+        with subtests.test(name=name):
+            assert not prim.GetAttribute(name).HasAuthoredValue()
 
 
 def test_usd_cores_own_validators_find_no_fault(stages: list[Usd.Stage]) -> None:

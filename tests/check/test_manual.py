@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 
+import pytest
 from invoking import invoke
 from msgspec.structs import replace
 from places import REPOSITORY
@@ -121,17 +122,19 @@ def test_manuals_of_a_lab_without_lidar_and_camera_name_neither() -> None:
     assert named == set()
 
 
-def test_all_manuals_are_printed_together() -> None:
+def test_all_manuals_are_printed_together(subtests: pytest.Subtests) -> None:
     printed = invoke("rule", "--all").output
     for rule in all_rules().values():
         assert f"{rule.id} {rule.name} (" in printed
     for rule_id in ("K01", "S19", "W01"):
-        assert invoke("rule", rule_id).output.strip() in printed
+        with subtests.test(rule_id=rule_id):
+            assert invoke("rule", rule_id).output.strip() in printed
 
 
-def test_either_one_rule_is_explained_or_all() -> None:
+def test_either_one_rule_is_explained_or_all(subtests: pytest.Subtests) -> None:
     for words in ((), ("W01", "--all")):
-        assert "give the id of one rule, or --all" in invoke("rule", *words).output
+        with subtests.test(words=words):
+            assert "give the id of one rule, or --all" in invoke("rule", *words).output
 
 
 def test_a_rule_with_and_without_a_lab_is_printed_by_both_ids() -> None:

@@ -145,12 +145,13 @@ def test_each_item_is_lost_by_some_fault(checkpoint: str, said: dict[str, list[F
 
 
 def test_each_requirement_that_a_finding_fails_is_one_of_the_checkpoint(
-    said: dict[str, list[Finding]],
+    said: dict[str, list[Finding]], subtests: pytest.Subtests
 ) -> None:
     lab = load_lab()
     for fault in FAULTS:
-        demands = {demand.id for demand in demands_of(lab, lab.checkpoints[fault.checkpoint])}
-        assert unmet_by(said[fault.name]) <= demands, fault.name
+        with subtests.test(fault=fault):
+            demands = {demand.id for demand in demands_of(lab, lab.checkpoints[fault.checkpoint])}
+            assert unmet_by(said[fault.name]) <= demands, fault.name
 
 
 def test_items_have_ids_of_their_own() -> None:
@@ -370,26 +371,28 @@ def test_two_articulation_roots_on_base_and_root_are_one_too_many() -> None:
     assert told_after("02", with_api(ROBOT, "PhysicsArticulationRootAPI")) == [("S11", ROBOT, None)]
 
 
-def test_a_link_that_is_turned_about_z_is_a_warning() -> None:
+def test_a_link_that_is_turned_about_z_is_a_warning(subtests: pytest.Subtests) -> None:
     """D1 of the handout: rotation 0; the frame turns with the link, so that the scan fits."""
     turned = Gf.Quatf(0.0, 0.0, 0.0, 1.0)
     joint = put(f"{JOINTS}/scan_joint", "physics:localRot0", turned)
     for checkpoint in ("00", "05"):
-        found = found_after(checkpoint, joint)
-        told_of = [(each.severity, each.rule, each.prim) for each in found]
-        assert told_of == [("warning", "S17", f"{JOINTS}/scan_joint")]
+        with subtests.test(checkpoint=checkpoint):
+            found = found_after(checkpoint, joint)
+            told_of = [(each.severity, each.rule, each.prim) for each in found]
+            assert told_of == [("warning", "S17", f"{JOINTS}/scan_joint")]
     link = rotated(f"{ROBOT}/base_scan", (0, 0, 90))
     found = found_after("00", link)
     assert [(each.severity, each.rule) for each in found] == [("warning", "S17")]
     assert told_after("02", link) == []  # which may have been saved after a run
 
 
-def test_a_dim_or_coloured_light_shines() -> None:
+def test_a_dim_or_coloured_light_shines(subtests: pytest.Subtests) -> None:
     for light in LIGHTS:
-        dim = author(light, "inputs:exposure", "Float", -3.0)
-        red = author(light, "inputs:color", "Color3f", Gf.Vec3f(1, 0, 0))
-        glossy = author(light, "inputs:diffuse", "Float", 0.0)
-        assert told_after("04", dim, red, glossy) == []
+        with subtests.test(light=light):
+            dim = author(light, "inputs:exposure", "Float", -3.0)
+            red = author(light, "inputs:color", "Color3f", Gf.Vec3f(1, 0, 0))
+            glossy = author(light, "inputs:diffuse", "Float", 0.0)
+            assert told_after("04", dim, red, glossy) == []
 
 
 def test_a_missing_observation_camera_is_a_warning() -> None:

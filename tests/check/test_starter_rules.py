@@ -247,7 +247,7 @@ def test_an_unreadable_stage_is_not_compared(files: tuple[Path, Path], tmp_path:
 
 
 def test_sites_that_are_blamed_already_are_left_out(
-    files: tuple[Path, Path], tmp_path: Path
+    files: tuple[Path, Path], tmp_path: Path, subtests: pytest.Subtests
 ) -> None:
     path = tmp_path / "Lab3_08.usda"
     path.write_bytes(files[1].read_bytes())
@@ -255,8 +255,9 @@ def test_sites_that_are_blamed_already_are_left_out(
     blamed = Finding("S16", "inertia", "error", BASE, "is odd", "physics:diagonalInertia")
     result, starter = check_stage(path), open_starter(files[0], LAB)
     for known, told in (((), ["U04"]), ((blamed,), ["S16"])):
-        found = against_starter(replace(result, findings=known), starter, LAB)
-        assert [finding.rule for finding in found.findings] == told
+        with subtests.test(known=known, told=told):
+            found = against_starter(replace(result, findings=known), starter, LAB)
+            assert [finding.rule for finding in found.findings] == told
 
 
 # -- units that are the starter's fault
@@ -340,12 +341,15 @@ def test_what_stands_elsewhere_is_not_missing_as_well(
     assert [(each.rule, each.prim) for each in found] == [(rule, home)]
 
 
-def test_what_was_deactivated_is_told_though_a_finding_relates_to_it() -> None:
+def test_what_was_deactivated_is_told_though_a_finding_relates_to_it(
+    subtests: pytest.Subtests,
+) -> None:
     off = Change(WALL, "Cube", absent="deactivated", physics=True)
     for absent, expected in ((off, ["U01"]), (gone(WALL), [])):
-        subject = StarterSubject(SPEC.starter, (absent,), related_prims=frozenset({WALL}))
-        found = [name for name, rule in RULES.items() for _ in list(rule.check(subject))]
-        assert found == expected
+        with subtests.test(absent=absent, expected=expected):
+            subject = StarterSubject(SPEC.starter, (absent,), related_prims=frozenset({WALL}))
+            found = [name for name, rule in RULES.items() for _ in list(rule.check(subject))]
+            assert found == expected
 
 
 # -- what another rule tells by its effect

@@ -62,10 +62,11 @@ def test_the_complete_stage_has_no_problem(checkpoint: str) -> None:
         ("ROS_OdomTF", "ros2_publish_odometry"),
     ],
 )
-def test_a_copied_graph_is_one_finding(name: str, role: str) -> None:
+def test_a_copied_graph_is_one_finding(name: str, role: str, subtests: pytest.Subtests) -> None:
     stage = m.stage(copy_of(name))
     for checkpoint in ("05", "06", "08"):
-        assert sites(stage, checkpoint) == [("Q01", f"/Graph/{name}/{role}", TOPIC)]
+        with subtests.test(checkpoint=checkpoint):
+            assert sites(stage, checkpoint) == [("Q01", f"/Graph/{name}/{role}", TOPIC)]
 
 
 def test_two_publishers_are_judged_from_the_first_graph_on() -> None:
@@ -98,14 +99,15 @@ def test_a_stranger_is_not_blamed_for_a_wrong_topic_of_the_lab() -> None:
     assert sites(m.with_node(stage, m.valued(clock, TOPIC, "imu"))) == []
 
 
-def test_a_publisher_that_is_signalled_once_is_no_second_one() -> None:
+def test_a_publisher_that_is_signalled_once_is_no_second_one(subtests: pytest.Subtests) -> None:
     once = "isaacsim.core.nodes.OgnIsaacRunOneSimulationFrame"
     graph = driven("/Graph/a/step", once)
     clock = m.node("/Graph/a/clock", "isaacsim.ros2.bridge.ROS2PublishClock")
     for source, expected in (("step.outputs:step", []), ("tick.outputs:tick", [clock.path])):
-        again = m.wired(clock, "inputs:execIn", f"/Graph/a/{source}")
-        found = sites(m.stage(replace(graph, nodes=(*graph.nodes, again))))
-        assert found == [("Q01", path, TOPIC) for path in expected]
+        with subtests.test(source=source, expected=expected):
+            again = m.wired(clock, "inputs:execIn", f"/Graph/a/{source}")
+            found = sites(m.stage(replace(graph, nodes=(*graph.nodes, again))))
+            assert found == [("Q01", path, TOPIC) for path in expected]
 
 
 def test_several_publishers_of_the_tree_are_normal() -> None:

@@ -102,11 +102,12 @@ def test_a_file_beyond_the_size_is_refused_unread(tmp_path: Path) -> None:
     assert "larger than 1 MB" in refusal(path)
 
 
-def test_links_and_pipes_are_refused_unopened(tmp_path: Path) -> None:
+def test_links_and_pipes_are_refused_unopened(tmp_path: Path, subtests: pytest.Subtests) -> None:
     os.mkfifo(tmp_path / "pipe.usda")
     (tmp_path / "link.usda").symlink_to(write(tmp_path / "a.usda", STAGE))
     for name in ("pipe.usda", "link.usda"):
-        assert "link, pipe or device" in refusal(tmp_path / name)
+        with subtests.test(name=name):
+            assert "link, pipe or device" in refusal(tmp_path / name)
 
 
 def changed(path: Path, at: int, form: str, value: int) -> Path:
@@ -288,15 +289,18 @@ def test_what_is_never_opened_counts_by_its_name_in_every_form(tmp_path: Path) -
     assert [form for form in FORMS if found[form] != found["folder"]] == []
 
 
-def test_a_file_that_is_too_large_costs_itself_alone_in_every_form(tmp_path: Path) -> None:
+def test_a_file_that_is_too_large_costs_itself_alone_in_every_form(
+    tmp_path: Path, subtests: pytest.Subtests
+) -> None:
     import random
 
     entries = {"work/a.usda": STAGE, "run.bag": random.Random(1).randbytes((3 << 20) + 1)}  # noqa: S311
     for form in FORMS:
-        source = in_form(tmp_path / form / "given", form, entries)
-        done = stage_submission([source], tmp_path / form / "copy", SMALL)
-        assert files_below(tmp_path / form / "copy") == {"work/a.usda": STAGE}
-        assert [each.path for each in done.refused] == ["run.bag"]
+        with subtests.test(form=form):
+            source = in_form(tmp_path / form / "given", form, entries)
+            done = stage_submission([source], tmp_path / form / "copy", SMALL)
+            assert files_below(tmp_path / form / "copy") == {"work/a.usda": STAGE}
+            assert [each.path for each in done.refused] == ["run.bag"]
 
 
 def test_a_video_in_the_archive_of_a_class_keeps_its_name(tmp_path: Path) -> None:

@@ -51,7 +51,9 @@ KINDS = {
 }
 
 
-def test_an_archive_of_another_kind_is_told_as_what_it_is(tmp_path: Path) -> None:
+def test_an_archive_of_another_kind_is_told_as_what_it_is(
+    tmp_path: Path, subtests: pytest.Subtests
+) -> None:
     folder = tmp_path / "class"
     folder.mkdir()
     for name, (data, _) in KINDS.items():
@@ -59,8 +61,9 @@ def test_an_archive_of_another_kind_is_told_as_what_it_is(tmp_path: Path) -> Non
     rows = graded_here(ClassSettings(folder, starter(), tmp_path / "book"))
     reasons = {row["student"]: (row["status"], row["reason"]) for row in rows}
     for name, (_, said) in KINDS.items():
-        status, reason = reasons[name.partition(".")[0]]
-        assert (status, said in reason) == ("unreadable", True), reason
+        with subtests.test(name=name, said=said):
+            status, reason = reasons[name.partition(".")[0]]
+            assert (status, said in reason) == ("unreadable", True), reason
 
 
 def test_what_tar_unpacks_whatever_it_is_called_is_graded(tmp_path: Path) -> None:

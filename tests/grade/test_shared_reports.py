@@ -113,11 +113,14 @@ def test_other_points_are_written_into_shared_reports(place: Path, tmp_path: Pat
     assert scores == {row["earned"] for row in rows}
 
 
-def test_a_result_that_names_a_place_elsewhere_is_not_followed(place: Path, tmp_path: Path) -> None:
+def test_a_result_that_names_a_place_elsewhere_is_not_followed(
+    place: Path, tmp_path: Path, subtests: pytest.Subtests
+) -> None:
     graded(place, tmp_path / "book")
     for name in ("../../class", "x" * 32, 7):
-        row = {"shared": name}
-        assert shared_reports.shared_folder(tmp_path / "book", row) is None
+        with subtests.test(name=name):
+            row = {"shared": name}
+            assert shared_reports.shared_folder(tmp_path / "book", row) is None
 
 
 @pytest.mark.parametrize("names", [(), ("notes.txt",), ("report.html", "report.json")])

@@ -362,13 +362,16 @@ def refused(path: Path) -> str:
 
 
 @pytest.mark.parametrize("storage", list(StoragePlugin))
-def test_a_cut_recording_is_one_line(plain: Path, tmp_path: Path, storage: StoragePlugin) -> None:
+def test_a_cut_recording_is_one_line(
+    plain: Path, tmp_path: Path, storage: StoragePlugin, subtests: pytest.Subtests
+) -> None:
     folder = rewritten(plain, tmp_path / "Lab3_08_run", storage=storage)
     (file,) = [*folder.glob("Lab3_08_run.*")]
     whole = file.read_bytes()
     for part in (0.0, 0.01, 0.5, 0.999):
-        file.write_bytes(whole[: int(part * len(whole))])
-        assert refused(folder), part
+        with subtests.test(part=part):
+            file.write_bytes(whole[: int(part * len(whole))])
+            assert refused(folder), part
 
 
 @pytest.mark.parametrize("seed", range(6))

@@ -82,11 +82,12 @@ def test_system_time_is_that_of_the_wall() -> None:
     assert read.outputs["systemTime"] == 100.0
 
 
-def test_simulation_time_starts_anew_only_if_told_to() -> None:
+def test_simulation_time_starts_anew_only_if_told_to(subtests: pytest.Subtests) -> None:
     for reset, time in ((True, 2.0), (False, 7.0)):
-        read = node(f"{ISAAC}IsaacReadSimulationTime", {"resetOnStop": reset})
-        assert read.compute(world())
-        assert read.outputs["simulationTime"] == time
+        with subtests.test(reset=reset, time=time):
+            read = node(f"{ISAAC}IsaacReadSimulationTime", {"resetOnStop": reset})
+            assert read.compute(world())
+            assert read.outputs["simulationTime"] == time
 
 
 @pytest.mark.parametrize(
@@ -283,16 +284,17 @@ def test_a_lidar_publishes_what_stands_around_it(stage: World) -> None:
     assert scan.ranges[270] == pytest.approx(4.45 - 0.8 * (1.768 - 1.35), abs=1e-3)
 
 
-def test_a_lidar_helper_wants_a_lidar(stage: World) -> None:
+def test_a_lidar_helper_wants_a_lidar(stage: World, subtests: pytest.Subtests) -> None:
     for sensor, kind, fault in (
         (CAMERA, "laser_scan", "not-a-lidar"),
         (LIDAR, "none", "unknown-output"),
     ):
-        path = product(stage, sensor).outputs["renderProductPath"]
-        helper = node(f"{ROS}ROS2RtxLidarHelper", {"type": kind, "renderProductPath": path})
-        assert not helper.compute(stage)
-        assert helper.failure is not None
-        assert helper.failure.kind == fault
+        with subtests.test(sensor=sensor, kind=kind, fault=fault):
+            path = product(stage, sensor).outputs["renderProductPath"]
+            helper = node(f"{ROS}ROS2RtxLidarHelper", {"type": kind, "renderProductPath": path})
+            assert not helper.compute(stage)
+            assert helper.failure is not None
+            assert helper.failure.kind == fault
     assert not node(f"{ROS}ROS2RtxLidarHelper").compute(stage)
     assert published(stage) == []
 
@@ -416,18 +418,19 @@ def test_odometry_is_told_along_the_robot() -> None:
     assert here.network.sent[1].data.linear == (1.0, 2.0, 3.0)
 
 
-def test_a_raw_transform_is_as_given_and_once_if_static() -> None:
+def test_a_raw_transform_is_as_given_and_once_if_static(subtests: pytest.Subtests) -> None:
     for static, count in ((False, 3), (True, 1)):
-        here = world()
-        values = {"translation": (1.0, 2.0, 0.0), "staticPublisher": static}
-        publish = node(f"{ROS}ROS2PublishRawTransformTree", values)
-        publish.wires["rotation"] = (node("omni.graph.nodes.ConstantToken"), "q")
-        publish.wires["rotation"][0].outputs["q"] = (0.0, 0.0, HALF, HALF)
-        for _ in range(4):
-            publish.compute(here)
-        assert len(here.network.sent) == count
-        said = Transform("odom", "base_link", (1.0, 2.0, 0.0), (HALF, 0.0, 0.0, HALF))
-        assert here.network.sent[0].transforms == (said,)
+        with subtests.test(static=static, count=count):
+            here = world()
+            values = {"translation": (1.0, 2.0, 0.0), "staticPublisher": static}
+            publish = node(f"{ROS}ROS2PublishRawTransformTree", values)
+            publish.wires["rotation"] = (node("omni.graph.nodes.ConstantToken"), "q")
+            publish.wires["rotation"][0].outputs["q"] = (0.0, 0.0, HALF, HALF)
+            for _ in range(4):
+                publish.compute(here)
+            assert len(here.network.sent) == count
+            said = Transform("odom", "base_link", (1.0, 2.0, 0.0), (HALF, 0.0, 0.0, HALF))
+            assert here.network.sent[0].transforms == (said,)
 
 
 def test_tf2_takes_a_slash_off_before_the_frames_of_a_transform() -> None:

@@ -57,31 +57,38 @@ def _declared(known: str, fact: Any) -> bool:
     return known != ("union" if isinstance(fact, list) else fact)
 
 
-def test_what_is_said_of_bodies_units_targets_and_gates_names_ports_that_are_there() -> None:
+def test_what_is_said_of_bodies_units_targets_and_gates_names_ports_that_are_there(
+    subtests: pytest.Subtests,
+) -> None:
     types = TYPES.types
     for name, body in TYPES.bodies.items():
-        assert types[name].port(f"inputs:{body.prim}") is not None
-        assert {f"outputs:{give}" for give in body.gives} <= set(types[name].ports)
+        with subtests.test(name=name, body=body):
+            assert types[name].port(f"inputs:{body.prim}") is not None
+            assert {f"outputs:{give}" for give in body.gives} <= set(types[name].ports)
     for name, unit in TYPES.units.items():
-        inputs, outputs = filter(None, (unit.passes, unit.by)), unit.metres
-        ports = {
-            *(f"inputs:{each}" for each in inputs),
-            *(f"outputs:{output}" for output in outputs),
-        }
-        assert ports <= set(types[name].ports)
-        allowed = types[name].ports[f"inputs:{unit.by}"].allowed if unit.by else ()
-        assert {unit.to_stage, unit.to_metres} - {""} <= set(allowed)
+        with subtests.test(name=name, unit=unit):
+            inputs, outputs = filter(None, (unit.passes, unit.by)), unit.metres
+            ports = {
+                *(f"inputs:{each}" for each in inputs),
+                *(f"outputs:{output}" for output in outputs),
+            }
+            assert ports <= set(types[name].ports)
+            allowed = types[name].ports[f"inputs:{unit.by}"].allowed if unit.by else ()
+            assert {unit.to_stage, unit.to_metres} - {""} <= set(allowed)
     for name, quantity in TYPES.quantities.items():
-        outputs, inputs = (
-            {f"{side}:{short}" for short in ports}
-            for side, ports in (("outputs", quantity.gives), ("inputs", quantity.takes))
-        )
-        assert outputs | inputs <= set(types[name].ports)
+        with subtests.test(name=name, quantity=quantity):
+            outputs, inputs = (
+                {f"{side}:{short}" for short in ports}
+                for side, ports in (("outputs", quantity.gives), ("inputs", quantity.takes))
+            )
+            assert outputs | inputs <= set(types[name].ports)
     for name, target in TYPES.targets.items():
-        assert types[name].ports[f"inputs:{target.input}"].is_target
+        with subtests.test(name=name, target=target):
+            assert types[name].ports[f"inputs:{target.input}"].is_target
     assert set(TYPES.joints) <= set(types)
     for name, port in TYPES.gates.items():
-        assert f"inputs:{port}" in types[name].ports
+        with subtests.test(name=name, port=port):
+            assert f"inputs:{port}" in types[name].ports
 
 
 def test_every_default_is_that_of_the_source(facts: dict[str, Any], shared: Path) -> None:

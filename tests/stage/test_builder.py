@@ -319,13 +319,16 @@ def test_a_linked_folder_leads_to_the_starters_files(layered: Path, tmp_path: Pa
     assert opened(built).GetCompositionErrors() == []
 
 
-def test_a_starter_below_a_linked_folder_leads_to_its_files(tmp_path: Path) -> None:
+def test_a_starter_below_a_linked_folder_leads_to_its_files(
+    tmp_path: Path, subtests: pytest.Subtests
+) -> None:
     (tmp_path / "far" / "away").mkdir(parents=True)
     (tmp_path / "near").symlink_to(tmp_path / "far" / "away")
     starter = layered_starter(tmp_path / "near" / "given")
     for out in (tmp_path / "out", starter.parent / "out"):
-        (built,) = build(starter, out, ["05"])
-        assert opened(built).GetCompositionErrors() == []
+        with subtests.test(out=out):
+            (built,) = build(starter, out, ["05"])
+            assert opened(built).GetCompositionErrors() == []
 
 
 def test_relative_arguments_work(
@@ -337,10 +340,13 @@ def test_relative_arguments_work(
     assert opened(tmp_path / "out" / built.name).GetCompositionErrors() == []
 
 
-def test_comments_in_layers_that_are_not_written_survive(layered: Path) -> None:
+def test_comments_in_layers_that_are_not_written_survive(
+    layered: Path, subtests: pytest.Subtests
+) -> None:
     build(layered, layered.parent)
     for part in ("layers/base.usda", "layers/environment.usda", "../robots/burger.usda"):
-        assert COMMENT in (layered.parent / part).read_text()
+        with subtests.test(part=part):
+            assert COMMENT in (layered.parent / part).read_text()
 
 
 # ---- what is written, and what never is

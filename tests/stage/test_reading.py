@@ -57,10 +57,13 @@ def test_a_namespace_on_a_node_without_a_type_moves_no_node_below_it() -> None:
     assert topics(stage).count("/clock") == 2
 
 
-def test_only_what_stands_below_the_applications_own_prims_is_ignored() -> None:
+def test_only_what_stands_below_the_applications_own_prims_is_ignored(
+    subtests: pytest.Subtests,
+) -> None:
     for top, count in (("/Replicator", 1), ("/ReplicatorX", 2), ("/Render", 1), ("/Renderer", 2)):
-        stage = read({"define": [top, "Xform"]}, {"copy": ["ROS_Clock", f"{top}/ROS_Clock"]})
-        assert topics(stage).count("/clock") == count, top
+        with subtests.test(top=top, count=count):
+            stage = read({"define": [top, "Xform"]}, {"copy": ["ROS_Clock", f"{top}/ROS_Clock"]})
+            assert topics(stage).count("/clock") == count, top
 
 
 def test_a_copy_beside_the_applications_own_prims_is_found() -> None:

@@ -91,18 +91,20 @@ def test_every_question_gets_the_answer_of_looking_at_each_prim(
     assert question(model.prims) == expected
 
 
-def test_prims_are_there_by_their_own_paths_only(built: Path) -> None:
+def test_prims_are_there_by_their_own_paths_only(built: Path, subtests: pytest.Subtests) -> None:
     stage = odd(built)
     model = read_model(stage, LAB.platform, "x")
     (prototype,) = stage.GetPrototypes()
     assert f"{prototype.GetPath()}/part" not in model.prims
     for path in (*LEFT_OUT, "/Render/Camera_1", "/World/stray", "/World/off/below"):
-        assert path not in model.prims
+        with subtests.test(path=path):
+            assert path not in model.prims
     prototypes = [prim for prim in model.prims if "Prototype" in prim]
     assert prototypes == []
     for path in ("/World/two/part", "/Renderer/Camera_1", "/World/off", "/World/only_over"):
-        assert model.prims[path].path == path
-        assert model.prims[path] is model.prims[path]
+        with subtests.test(path=path):
+            assert model.prims[path].path == path
+            assert model.prims[path] is model.prims[path]
     assert not model.prims["/World/off"].present
     assert not model.prims["/World/only_over"].present
 

@@ -267,11 +267,14 @@ def test_properties_stand_in_alphabetical_order_in_text(layer: Sdf.Layer) -> Non
             assert names == sorted(names, key=str.lower)
 
 
-def test_sensor_attributes_are_those_of_schemas(layer: Sdf.Layer) -> None:
+def test_sensor_attributes_are_those_of_schemas(
+    layer: Sdf.Layer, subtests: pytest.Subtests
+) -> None:
     for sensor in SENSORS:
-        prim = layer.GetPrimAtPath(sensor.path)
-        assert prim.specifier == Sdf.SpecifierDef
-        assert not any(attribute.custom for attribute in prim.attributes)
+        with subtests.test(sensor=sensor):
+            prim = layer.GetPrimAtPath(sensor.path)
+            assert prim.specifier == Sdf.SpecifierDef
+            assert not any(attribute.custom for attribute in prim.attributes)
 
 
 def test_sensors_apply_the_schemas_that_isaac_sim_asks_for(layer: Sdf.Layer) -> None:

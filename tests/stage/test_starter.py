@@ -159,22 +159,26 @@ def test_the_observation_camera_looks_at_the_robot(stage: Usd.Stage) -> None:
 # -- physics
 
 
-def test_every_link_is_a_rigid_body_with_a_mass(stage: Usd.Stage) -> None:
+def test_every_link_is_a_rigid_body_with_a_mass(
+    stage: Usd.Stage, subtests: pytest.Subtests
+) -> None:
     for name in LINKS:
-        assert {"PhysicsRigidBodyAPI", "PhysicsMassAPI", "IsaacLinkAPI"} <= set(
-            apis(link(stage, name))
-        )
-        assert value(link(stage, name), "physics:mass") > 0
+        with subtests.test(name=name):
+            assert {"PhysicsRigidBodyAPI", "PhysicsMassAPI", "IsaacLinkAPI"} <= set(
+                apis(link(stage, name))
+            )
+            assert value(link(stage, name), "physics:mass") > 0
 
 
-def test_inertias_are_those_of_solid_bodies(stage: Usd.Stage) -> None:
+def test_inertias_are_those_of_solid_bodies(stage: Usd.Stage, subtests: pytest.Subtests) -> None:
     for name in LINKS:
-        x, y, z = value(link(stage, name), "physics:diagonalInertia")
-        assert min(x, y, z) > 0
-        # No moment exceeds the sum of the others; all equal is a ball.
-        assert max(x, y, z) < x + y + z - max(x, y, z)
-        axes = value(link(stage, name), "physics:principalAxes")
-        assert axes.GetLength() == pytest.approx(1.0, abs=1e-6)
+        with subtests.test(name=name):
+            x, y, z = value(link(stage, name), "physics:diagonalInertia")
+            assert min(x, y, z) > 0
+            # No moment exceeds the sum of the others; all equal is a ball.
+            assert max(x, y, z) < x + y + z - max(x, y, z)
+            axes = value(link(stage, name), "physics:principalAxes")
+            assert axes.GetLength() == pytest.approx(1.0, abs=1e-6)
 
 
 def test_the_articulation_starts_at_base_footprint(stage: Usd.Stage) -> None:
@@ -196,24 +200,28 @@ def test_the_robot_schema_lists_every_link_and_joint(stage: Usd.Stage) -> None:
     assert all("IsaacJointAPI" in apis(joint) for joint in children)
 
 
-def test_the_wheels_are_driven_by_velocity(stage: Usd.Stage) -> None:
+def test_the_wheels_are_driven_by_velocity(stage: Usd.Stage, subtests: pytest.Subtests) -> None:
     for name in WHEELS:
-        joint = link(stage, f"joints/{name}_joint")
-        assert joint.IsA(UsdPhysics.RevoluteJoint)
-        drive = UsdPhysics.DriveAPI(joint, "angular")
-        assert drive.GetStiffnessAttr().Get() == 0
-        assert drive.GetDampingAttr().Get() > 0
-        assert drive.GetMaxForceAttr().Get() > 0
+        with subtests.test(name=name):
+            joint = link(stage, f"joints/{name}_joint")
+            assert joint.IsA(UsdPhysics.RevoluteJoint)
+            drive = UsdPhysics.DriveAPI(joint, "angular")
+            assert drive.GetStiffnessAttr().Get() == 0
+            assert drive.GetDampingAttr().Get() > 0
+            assert drive.GetMaxForceAttr().Get() > 0
 
 
-def test_turning_both_wheels_forward_drives_along_x(stage: Usd.Stage) -> None:
+def test_turning_both_wheels_forward_drives_along_x(
+    stage: Usd.Stage, subtests: pytest.Subtests
+) -> None:
     for name in WHEELS:
-        joint = UsdPhysics.RevoluteJoint(link(stage, f"joints/{name}_joint"))
-        assert joint.GetAxisAttr().Get() == "Z"
-        turn = Gf.Rotation(Gf.Quatd(joint.GetLocalRot0Attr().Get()))
-        axle = turn.TransformDir(Gf.Vec3d(0, 0, 1))
-        # The wheel's lowest point goes backward, so the robot goes forward.
-        assert Gf.Cross(axle, Gf.Vec3d(0, 0, -1))[0] == pytest.approx(-1.0)
+        with subtests.test(name=name):
+            joint = UsdPhysics.RevoluteJoint(link(stage, f"joints/{name}_joint"))
+            assert joint.GetAxisAttr().Get() == "Z"
+            turn = Gf.Rotation(Gf.Quatd(joint.GetLocalRot0Attr().Get()))
+            axle = turn.TransformDir(Gf.Vec3d(0, 0, 1))
+            # The wheel's lowest point goes backward, so the robot goes forward.
+            assert Gf.Cross(axle, Gf.Vec3d(0, 0, -1))[0] == pytest.approx(-1.0)
 
 
 def test_both_bodies_of_each_joint_see_it_in_the_same_place(stage: Usd.Stage) -> None:
@@ -243,9 +251,10 @@ def test_every_link_hangs_on_the_articulation_by_one_joint(stage: Usd.Stage) -> 
     assert sorted(reached) == sorted(LINKS)
 
 
-def test_the_wheels_touch_the_ground(stage: Usd.Stage) -> None:
+def test_the_wheels_touch_the_ground(stage: Usd.Stage, subtests: pytest.Subtests) -> None:
     for name in WHEELS:
-        assert abs(lowest(stage, f"{name}_link")) <= 1e-3
+        with subtests.test(name=name):
+            assert abs(lowest(stage, f"{name}_link")) <= 1e-3
 
 
 def test_the_caster_hangs_at_most_1_mm_above_the_ground(stage: Usd.Stage) -> None:
@@ -264,14 +273,15 @@ def test_the_ground_is_an_endless_plane_at_zero(stage: Usd.Stage) -> None:
     assert world(plane) == Gf.Matrix4d(1.0)
 
 
-def test_wheels_are_round_about_their_axle(stage: Usd.Stage) -> None:
+def test_wheels_are_round_about_their_axle(stage: Usd.Stage, subtests: pytest.Subtests) -> None:
     for name in WHEELS:
-        tyre = only_collider(stage, f"{name}_link")
-        assert tyre.IsA(UsdGeom.Cylinder)
-        axis = world(tyre).TransformDir(Gf.Vec3d(0, 0, 1))
-        assert Gf.IsClose(axis, Gf.Vec3d(0, 1, 0), 1e-9)
-        centre = world(tyre).ExtractTranslation()
-        assert Gf.IsClose(centre, world(link(stage, f"{name}_link")).ExtractTranslation(), 1e-9)
+        with subtests.test(name=name):
+            tyre = only_collider(stage, f"{name}_link")
+            assert tyre.IsA(UsdGeom.Cylinder)
+            axis = world(tyre).TransformDir(Gf.Vec3d(0, 0, 1))
+            assert Gf.IsClose(axis, Gf.Vec3d(0, 1, 0), 1e-9)
+            centre = world(tyre).ExtractTranslation()
+            assert Gf.IsClose(centre, world(link(stage, f"{name}_link")).ExtractTranslation(), 1e-9)
 
 
 def test_the_centre_of_mass_is_over_wheels_and_caster(stage: Usd.Stage) -> None:
@@ -333,10 +343,11 @@ def test_the_room_stands_inside_the_map_and_the_robot_stands_clear(stage: Usd.St
         assert apart > 0.5
 
 
-def test_every_body_is_seen(stage: Usd.Stage) -> None:
+def test_every_body_is_seen(stage: Usd.Stage, subtests: pytest.Subtests) -> None:
     boxes = UsdGeom.BBoxCache(Usd.TimeCode.Default(), ["default"])
     for name in MASSES:
-        assert not boxes.ComputeWorldBound(link(stage, name)).ComputeAlignedRange().IsEmpty()
+        with subtests.test(name=name):
+            assert not boxes.ComputeWorldBound(link(stage, name)).ComputeAlignedRange().IsEmpty()
 
 
 def test_what_is_seen_of_a_wheel_is_the_wheel(stage: Usd.Stage) -> None:
@@ -346,10 +357,13 @@ def test_what_is_seen_of_a_wheel_is_the_wheel(stage: Usd.Stage) -> None:
     assert box.GetMax()[2] == pytest.approx(0.066, abs=1e-6)
 
 
-def test_libraries_of_shapes_are_not_in_the_scene_themselves(stage: Usd.Stage) -> None:
+def test_libraries_of_shapes_are_not_in_the_scene_themselves(
+    stage: Usd.Stage, subtests: pytest.Subtests
+) -> None:
     for name in ("visuals", "colliders"):
-        assert link(stage, name).GetChildren() == []
-        assert link(stage, name).GetAllChildren()
+        with subtests.test(name=name):
+            assert link(stage, name).GetChildren() == []
+            assert link(stage, name).GetAllChildren()
 
 
 # -- the whole file
@@ -433,7 +447,7 @@ def test_a_target_that_is_a_folder_leaves_nothing_behind(tmp_path: Path) -> None
 
 
 def test_the_command_names_the_file_it_wrote(tmp_path: Path) -> None:
-    target = tmp_path / "new" / "starter.usda"
+    target = tmp_path / "starter.usda"
     result = invoke("starter", "-o", target)
     assert result.output == f"{target}\n"
     assert target.is_file()
