@@ -36,6 +36,8 @@ def world(**known: Any) -> Any:
         "platform": load_platform(),
         "network": Network("", commands=RosEndpoint(0, "/cmd_vel")),
         "frame": 1,
+        "reading": 1,
+        "unplayed": {},
         "dt": 0.5,
         "since_play": 2.0,
         "simulated": 7.0,

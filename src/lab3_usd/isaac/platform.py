@@ -65,7 +65,8 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     are the types with outputs that signal a single time after Play, `gates` those that pass no
     signal on while the input named there is 0, `passing` those that pass each on. Below
     `world_frame` hangs what has no parent prim. `writers` change the scene or the run; what begins
-    with one of `appearance` is a property that only changes what one sees. `placed` are types of
+    with one of `appearance` is a property that only changes what one sees, with one of `surfaces`
+    one that moves what lies on a body. `placed` are types of
     prims whose place matters beside those of bodies, `attributes` those that are read beside the
     usual ones. `recipes` are graphs that can be added to a stage, by kind.
     """
@@ -91,6 +92,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     world_frame: str
     writers: Mapping[str, WriterPorts]
     appearance: tuple[str, ...]
+    surfaces: tuple[str, ...]
     ros: RosNames
     transform_messages: frozenset[str]
     needs: Mapping[str, tuple[Need, ...]]

@@ -188,6 +188,7 @@ class Player:
         frame = world.dt
         steps = int((world.frame + 1) * self.rate / RATE) - int(world.frame * self.rate / RATE)
         world.frame += 1
+        world.reading += 1
         world.dt = frame / max(1, steps)
         for count in range(max(1, steps)):
             world.since_play += world.dt

@@ -62,6 +62,7 @@ class _SystemFile(Struct, forbid_unknown_fields=True):
     graph: GraphEntry
     writers: dict[str, WriterPorts]
     appearance: tuple[str, ...]
+    surfaces: tuple[str, ...]
     types: dict[str, Any]
 
 
@@ -230,6 +231,7 @@ def assemble_platform(folder: Path) -> Platform:
         world_frame=system.world_frame,
         writers=system.writers,
         appearance=system.appearance,
+        surfaces=system.surfaces,
         ros=record(read_yaml(folder / ROS), RosNames, f"{name}/{ROS}"),
         transform_messages=transform_messages(types),
         needs=_needs(folder, types, releases),

@@ -116,8 +116,9 @@ class NodeInstance(Struct):
     fed: set[str] = field(default_factory=set)  # inputs into which a wire leads that Kit keeps
     memory: dict[str, Any] = field(default_factory=dict)
     enabled: list[str] = field(default_factory=list)
+    again: bool = False  # whether it computes once more when what it enabled has been followed
     pulled: bool = False
-    computed: int = -1  # the frame in which it was pulled last
+    computed: int = -1  # the reading in which it was pulled last
     busy: bool = False
     count: int = 0  # how often it computed
     failure: Failure | None = None  # of the last time, if it failed
@@ -129,8 +130,8 @@ class NodeInstance(Struct):
         if wire is None:
             return self.values.get(name)
         source, port = wire
-        if source.pulled and source.computed != world.frame and not source.busy:
-            source.computed = world.frame
+        if source.pulled and source.computed != world.reading and not source.busy:
+            source.computed = world.reading
             source.compute(world)
         value = source.outputs.get(port)
         return value.all() if type(value) is Later else value
@@ -209,6 +210,7 @@ class NodeInstance(Struct):
     def compute(self, world: World) -> bool:
         """Compute once; execution outputs that are enabled stay so for the caller to follow."""
         self.enabled.clear()
+        self.again = False
         self.busy = True
         self.count += 1
         done = self.function(self, world)
@@ -248,13 +250,17 @@ def initial(node_type: NodeType) -> dict[str, Any]:
     }
 
 
+MOST_ROUNDS = 10_000  # of loops, in what one event starts
+
+
 def push(node: NodeInstance, world: World, most: int) -> None:
     """Compute a node and what follows it over enabled execution outputs, depth first.
 
-    No node computes more than `most` times: execution wires may run in a ring.
+    No node computes more than `most` times in a round of a loop: execution wires may run in a ring.
     """
     waiting = [node]
     seen: dict[int, int] = {}
+    rounds = 0
     while waiting:
         current = waiting.pop()
         number = id(current)
@@ -263,6 +269,15 @@ def push(node: NodeInstance, world: World, most: int) -> None:
             continue
         seen[number] = again + 1
         if current.compute(world):
+            if current.again:
+                rounds += 1
+                world.reading += 1  # what was read in the round before is read anew
+                seen.clear()
+                waiting.append(current)
+                if rounds > MOST_ROUNDS:
+                    reason = f"{current.path} loops more than {MOST_ROUNDS} times in an update"
+                    world.unplayed.setdefault("", f"not simulated: {reason}")
+                    return
             for port in reversed(current.enabled):
                 followers = current.follows.get(port)
                 if followers is not None:

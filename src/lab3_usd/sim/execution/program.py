@@ -40,6 +40,9 @@ from lab3_usd.sim.execution.world import World
 _STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
 PUSH = ("push", "dirty_push")
 READ_VARIABLE, WRITE_VARIABLE = "ReadVariable", "WriteVariable"
+# Of types of which not all is known: the outputs that are computed, the inputs that are not.
+_KNOWN_OUTPUTS = {"GetTimeline": ("outputs:time", "outputs:isPlaying")}
+_UNKNOWN_INPUTS = {"ForLoop": "inputs:breakLoop"}
 _UNSAVED = Input("")
 
 
@@ -66,14 +69,13 @@ class Program(Struct):
 
         What was read before is read `again` where time went on within a frame.
         """
-        for node in self.nodes.values() if again else ():
-            node.computed = -1
+        world.reading += again
         for running in self.events.get(what, ()):
             push(running, world, len(self.nodes))
         if what == FRAME:
             for running in self.pushed:
-                if running.computed != world.frame:
-                    running.computed = world.frame
+                if running.computed != world.reading:
+                    running.computed = world.reading
                     running.compute(world)
 
     def reset(self) -> None:
@@ -238,13 +240,18 @@ def type_of(node: SceneNode, platform: Platform) -> NodeType | None:
 def _running(
     graph: SceneGraph, platform: Platform, program: Program
 ) -> Iterator[tuple[str, NodeInstance]]:
+    read = {source for n in graph.nodes for state in n.inputs.values() for source in state.sources}
     is_written = any(last_name(node.type) == WRITE_VARIABLE for node in graph.nodes)
     for node in graph.nodes:
         known = type_of(node, platform)
         function = function_of(known) if known is not None else None
         again = INPUT + (platform.once[node.type].again if node.type in platform.once else "")
         is_begun_anew = bool((node.inputs.get(again) or _UNSAVED).sources)
-        if is_begun_anew or (last_name(node.type) == READ_VARIABLE and is_written):
+        if (
+            _is_partly_known(node, read)
+            or is_begun_anew
+            or (last_name(node.type) == READ_VARIABLE and is_written)
+        ):
             function = None
         is_direct = node.path.rpartition("/")[0] == graph.path
         if known is None and is_direct and is_unregistered(node.type, platform):
@@ -268,6 +275,17 @@ def _running(
             and event_of(known) is None
         )
         yield node.path, running
+
+
+def _is_partly_known(node: SceneNode, read: Collection[str]) -> bool:
+    """Whether something is asked of a node that its function does not compute."""
+    name = last_name(node.type)
+    known, unknown = _KNOWN_OUTPUTS.get(name), _UNKNOWN_INPUTS.get(name, "")
+    own = f"{node.path}."
+    asks_more = known is not None and any(
+        source.startswith(own) and source.removeprefix(own) not in known for source in read
+    )
+    return asks_more or bool((node.inputs.get(unknown) or _UNSAVED).sources)
 
 
 def _connect(node: NodeInstance, program: Program) -> None:

@@ -232,6 +232,7 @@ class World(Struct):
     writers: list[Writer] = field(default_factory=list)
     dt: float = 1.0 / RATE
     frame: int = 0
+    reading: int = 0  # grows when what nodes without execution inputs gave is out of date
     session: int = 0
     stopped_by: str = ""  # the node that stopped the timeline in this session
     since_play: float = 0.0

@@ -50,6 +50,13 @@ def on_tick(node: NodeInstance, world: World) -> bool:
     return True
 
 
+@computes("GetTimeline")
+def get_timeline(node: NodeInstance, world: World) -> bool:
+    """OgnGetTimeline.html: the time of the timeline, which plays from its start."""
+    node.outputs.update(time=world.since_play, isPlaying=True)
+    return True
+
+
 @computes("OnPhysicsStep", on=STEP)
 def on_physics_step(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnOnPhysicsStep.cpp:72-149."""
