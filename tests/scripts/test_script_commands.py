@@ -187,3 +187,26 @@ def test_without_its_scene_what_rests_on_prims_is_held_back(tmp_path: Path) -> N
     assert result.findings == ()
     assert result.verdict == "pass"
     assert result.not_judged
+
+
+def test_a_misspelt_port_is_repaired_in_its_string(tmp_path: Path) -> None:
+    path = script(tmp_path, WRONG)
+    printed = lab3("fix", "--lint", path, "--diff")
+    changed = [line for line in printed.stdout.splitlines() if line[:1] in "+-"][2:]
+    assert [line[0] for line in changed] == ["-", "+"]
+    assert changed[1][1:] == changed[0][1:].replace("timestamp", "timeStamp")
+    lab3("fix", "--lint", path, "--in-place")
+    assert path.read_text("utf-8") == RIGHT
+
+
+def test_types_from_before_are_renamed(tmp_path: Path) -> None:
+    old = RIGHT.replace("isaacsim.ros2.bridge", "omni.isaac.ros2_bridge")
+    path = script(tmp_path, old)
+    lab3("fix", "--lint", path, "--in-place")
+    assert path.read_text("utf-8") == RIGHT
+
+
+def test_a_script_is_repaired_by_lint_alone(tmp_path: Path) -> None:
+    printed = lab3("fix", script(tmp_path, WRONG))
+    assert printed.returncode == 2
+    assert "--lint repairs scripts" in printed.stderr

@@ -33,6 +33,8 @@ from lab3_usd.commands.shared.writing import (
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
+    absence,
+    is_script_file,
     refuse_existing,
     refuse_shared,
     write_whole,
@@ -75,7 +77,10 @@ def _fix_one_of_several(stage: Path, options: Mapping[str, Any]) -> int:
 def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
     """Yield a stage, or those in and below a folder that can be judged."""
     if not path.is_dir():
-        check_file(path)
+        if is_script_file(path):
+            _check_script(path, options)
+        else:
+            check_file(path)
         yield path
         return
     files = [Path(entry.path) for entry in find_linted(str(path), options["config"])]
@@ -87,6 +92,18 @@ def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
             "--lint repairs stages of any name"
         )
     yield from files
+
+
+def _check_script(path: Path, options: Mapping[str, Any]) -> None:
+    """Refuse to judge a script by a lab.
+
+    Raises:
+        UsageError: its findings are not those of lint, or there is no such file.
+    """
+    if not path.exists():
+        raise UsageError(absence(path, "file or folder"))
+    if not options["lint"]:
+        raise UsageError(f"{path}: is a script and no stage; --lint repairs scripts")
 
 
 def _check_options(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
@@ -104,7 +121,11 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
         wanted=lambda findings: selected_findings(findings, str(stage), options),
         heeds_ignores=True,
     )
-    if options["lint"]:
+    if is_script_file(stage):
+        from lab3_usd.fix.scripts import fix_script
+
+        fixed = fix_script(stage, options["release"] or BASE, settings)
+    elif options["lint"]:
         fixed = fix_linted(stage, options["release"] or BASE, settings, options["moved_from"] or "")
     else:
         lab, number = load_lab(), options["checkpoint"]

@@ -17,7 +17,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import StageError
-from lab3_usd.files import lines_of
+from lab3_usd.files import is_script_file, lines_of
 from lab3_usd.fix.source_tree import read_blocks
 from lab3_usd.fix.splices import Splice, spliced
 from lab3_usd.fix.text_editor import new_bytes, prim_splices
@@ -69,7 +69,7 @@ def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
             for finding in result.findings
             if finding.fix and finding.fix.safe
         }
-        if not repairs:
+        if not repairs or is_script_file(result.path):  # whose repairs are the fix command's
             continue
         stage = open_stage(Path(result.path))
         checkpoint = lab.checkpoints[result.checkpoint or lab.first]

@@ -250,13 +250,30 @@ def _told_once(placed: Iterable[_Placed]) -> list[_Placed]:
 def _in_file(placed: _Placed, path: str, source: Source) -> Finding:
     """Return a finding with its line and column in the file; of a notebook with its cell."""
     finding = placed.finding
+    if placed.span is None or not _is_of_one_name(finding, placed.span, source):
+        finding = replace(finding, fix=None)
     if placed.span is None:
         return replace(finding, layer=path)
     line, offset = placed.span[0], placed.span[1]
     cell = source.cell(line)
     message = f"{finding.message} ({cell})" if cell else finding.message
     column = None if cell else source.column(line, offset)
-    return replace(finding, layer=path, line=source.line(line), column=column, message=message)
+    return replace(
+        finding,
+        layer=path,
+        line=source.line(line),
+        column=column,
+        message=message,
+        span=placed.span,
+    )
+
+
+def _is_of_one_name(finding: Finding, span: Span, source: Source) -> bool:
+    """Whether the repair of a finding is another name in the lines at which it stands."""
+    if source.cells or not finding.actual or not finding.expected:
+        return False
+    wrong = finding.actual.rpartition(".")[2] if "/" in finding.actual else finding.actual
+    return any(wrong in line for line in source.lines[span[0] - 1 : span[2]])
 
 
 def _without_ignored(

@@ -134,6 +134,8 @@ def cells(endpoint: Endpoint, report: TopicReport) -> Iterator[str]:
     """Yield what each of `COLUMNS` says of an endpoint."""
     is_unknown = not endpoint.written and bool(endpoint.node.sources(endpoint.port))
     unnamed = "? (a wire brings it)" if is_unknown else f"{endpoint.written!r} (no valid name)"
+    if endpoint.node.is_unknown(endpoint.port):
+        unnamed = endpoint.written
     yield printable(endpoint.topic or unnamed)
     yield printable(endpoint.type or NOTHING)
     yield endpoint.direction

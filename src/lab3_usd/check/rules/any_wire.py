@@ -293,7 +293,8 @@ def _other_port(wire: Connection, near: str | None, subject: GraphsSubject) -> t
         return ()
     name = near or _port_now(kind, wire.port, subject)
     if name:
-        return (RenameProperty(node.path, wire.port, name),) if name not in node.ports else ()
+        is_free = name not in node.ports or subject.stage.build is not None
+        return (RenameProperty(node.path, wire.port, name),) if is_free else ()
     gone = _gone_port(kind, wire.port, subject)
     drops = gone is not None and gone.drop
     return (Connect(node.path, wire.port, node.ports[wire.port].usd_type),) if drops else ()
