@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 
 from lab3_usd.model.build import BuildFault, FaultKind
 from lab3_usd.model.stage import Unknown
@@ -183,8 +184,23 @@ class World:
                 for source in [s for s in port.sources if s.startswith(f"{path}.")]:
                     del port.sources[source]
 
+    def kept(self) -> World:
+        """Return what is built so far, which later changes leave as it is."""
+        old = World()
+        for name in ("graphs", "faults", "unread", "values", "places", "lines", "guarded"):
+            setattr(old, name, copy(getattr(self, name)))
+        old.outside, old.twice = set(self.outside), set(self.twice)
+        for path, node in self.nodes.items():
+            old.nodes[path] = same = copy(node)
+            same.ports = {name: copy(port) for name, port in node.ports.items()}
+            for port in same.ports.values():
+                port.sources = dict(port.sources)
+        return old
+
     def remove(self, path: str) -> None:
-        """Take a prim out with all below it."""
+        """Take a prim out with all below it; what was there is judged as one of the past."""
+        if any(f"{node}/".startswith(f"{path}/") for node in self.nodes):
+            self.past.append(self.kept())
         for node in [known for known in self.nodes if f"{known}/".startswith(f"{path}/")]:
             self.remove_node(node)
         for graph in [known for known in self.graphs if f"{known}/".startswith(f"{path}/")]:
