@@ -13,7 +13,7 @@ from lab3_usd import features
 from lab3_usd.commands.shared.options import Option, all_of
 from lab3_usd.commands.shared.paths import OutputRepair
 from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.files import FileState, keep_original, lines_of, replace_files
+from lab3_usd.files import FileState, is_script_file, keep_original, lines_of, replace_files
 from lab3_usd.fix.patch import patch
 from lab3_usd.report.safe_text import visible
 
@@ -62,7 +62,7 @@ def diffs(files: Mapping[Path, bytes], states: Mapping[Path, FileState]) -> Iter
     """Yield a unified diff of each text file, and the differences of the others as stages."""
     for path, data in files.items():
         old = states[path].content
-        if not data.startswith(_TEXT):
+        if not (data.startswith(_TEXT) or is_script_file(path)):
             yield from (f"{line}\n" for line in features.changes_to(path, data))
             continue
         before, after = (lines_of(content.decode()) for content in (old, data))
