@@ -13,8 +13,9 @@ from invoking import invoke
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 
-from lab3_usd.facts.endpoints import Endpoint, Qos, decode, endpoints, resolve
+from lab3_usd.facts.endpoints import Endpoint, decode, endpoints, resolve
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.qos import Qos
 from lab3_usd.model.stage import Node, PortState, StageModel
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.reader import read_model
@@ -336,7 +337,7 @@ def with_maker(**inputs: Value) -> StageModel:
         ("Default for publishers/subscribers", Qos()),
         ("Services", Qos()),
         ("Sensor Data", Qos(depth=5, reliability="best_effort")),
-        ("System Default", Qos("system_default", 0, "system_default", "system_default")),
+        ("System Default", Qos("keep_last", 1, "reliable", "transient_local")),  # by Fast DDS
     ],
 )
 def test_a_preset_replaces_the_fields(preset: str, profile: Qos) -> None:

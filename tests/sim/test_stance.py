@@ -184,3 +184,35 @@ def test_slanted_gravity_with_which_a_robot_drives_is_not_judged(tmp_path: Path)
     stage = floor(mobile(), indices=UP)
     gravity(stage).CreateGravityDirectionAttr(Gf.Vec3f(0.105, 0, -1))
     assert follows(stage, tmp_path).verdict == "not judged"
+
+
+def test_a_heavy_body_ahead_is_no_fault_of_the_robot(tmp_path: Path) -> None:
+    stage = mobile()
+    body(stage, "/World/Crate", (0.3, 0, 0.2))
+    crate = UsdGeom.Cube.Define(stage, "/World/Crate/shape")
+    crate.CreateSizeAttr(0.4)
+    UsdPhysics.CollisionAPI.Apply(crate.GetPrim())
+    UsdPhysics.MassAPI.Apply(stage.GetPrimAtPath("/World/Crate")).CreateMassAttr(100.0)
+    check = follows(floor(stage, indices=UP), tmp_path, "0.2,0,1")
+    assert check.verdict == "not judged"
+    assert "Crate of 100 kg stops it" in check.message
+
+
+def test_ground_that_ends_is_no_fault_of_the_robot(tmp_path: Path) -> None:
+    stage = floor(mobile(), indices=UP)
+    points = [(-1, -5, 0), (0.1, -5, 0), (0.1, 5, 0), (-1, 5, 0)]
+    UsdGeom.Mesh(stage.GetPrimAtPath("/World/Floor")).GetPointsAttr().Set(points)
+    check = follows(stage, tmp_path, "0.2,0,2")
+    assert check.verdict == "not judged"
+    assert "the end of the ground stops it" in check.message
+
+
+@pytest.mark.parametrize(("inertia", "verdict"), [(0.01, "ok"), (100.0, "not judged")])
+def test_an_inertia_that_no_wheel_has_is_not_judged(
+    tmp_path: Path, inertia: float, verdict: str
+) -> None:
+    stage = mobile()
+    mass = UsdPhysics.MassAPI.Apply(stage.GetPrimAtPath(f"{ROBOT}/left_wheel"))
+    mass.CreateMassAttr(1.0)
+    mass.CreateDiagonalInertiaAttr(Gf.Vec3f(inertia))
+    assert follows(stage, tmp_path).verdict == verdict

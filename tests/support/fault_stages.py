@@ -113,6 +113,15 @@ STAGES: dict[FaultKind, tuple[Change, str]] = {
         steps({"disconnect": f"{CLOCK}.inputs:context"}, {"set": [f"{CLOCK}.inputs:context", 99]}),
         "topics",
     ),
+    "unmatched-peer": (
+        value(
+            "ROS_Drive/ros2_subscribe_twist.inputs:qosProfile",
+            '{"history": "keepLast", "depth": 5, "reliability": "reliable", '
+            '"durability": "transientLocal", "deadline": 0.0, "lifespan": 0.0, '
+            '"liveliness": "systemDefault", "leaseDuration": 0.0}',
+        ),
+        "follows",
+    ),
     "invalid-qos-profile": (value(f"{CLOCK}.inputs:qosProfile", "reliable"), "topics"),
     "invalid-topic-name": (value(f"{CLOCK}.inputs:topicName", "1 2"), "topics"),
     "ramp-without-time-step": (value(f"{DIFFERENTIAL}.inputs:maxAcceleration", 1.0), "follows"),

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from lab3_usd.facts.articulations import articulations, commands, named_joints
 from lab3_usd.facts.domains import may_meet
-from lab3_usd.facts.endpoints import TRANSFORMS, endpoints
+from lab3_usd.facts.endpoints import endpoints
 from lab3_usd.facts.execution_order import effective_value, event_of, live_nodes, run_states
 from lab3_usd.facts.frames import all_edges
 from lab3_usd.isaac.graph import Graph
@@ -16,6 +16,7 @@ from lab3_usd.isaac.graph import Node as Planned
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.qos import TRANSFORMS
 from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
 
 

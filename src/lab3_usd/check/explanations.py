@@ -34,6 +34,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "wrong-array-type": ("P01", "K22"),
     "invalid-context": ("W02", "K12"),
     "invalid-qos-profile": ("P04", "K42"),
+    "unmatched-peer": ("P04", "K98"),
     "invalid-topic-name": ("P01", "K37"),
     # commands and the drive
     "ramp-without-time-step": ("P11", "K63"),

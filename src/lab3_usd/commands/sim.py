@@ -109,6 +109,9 @@ def closing_lines(lived: Lived) -> Iterator[str]:
     if not lived.sent:
         yield "nothing was sent"
     yield ""
+    for topic, kind, domain in lived.unsent:
+        where = f" in domain {domain}" if several else ""
+        yield f"not sent: {topic} ({kind}){where}: a dry run does not make its content"
     for domain, reason in lived.refused.items():
         yield f"not sent or heard: what is in domain {domain}: DDS does not start there: {reason}"
     for prim, reason in lived.failed.items():

@@ -9,7 +9,6 @@ from __future__ import annotations
 import math
 import re
 from collections.abc import Iterator, Mapping
-from typing import Literal
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -31,33 +30,12 @@ from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.messages import NAMED
 from lab3_usd.isaac.node_types import INPUT, KIND, NodeType
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
+from lab3_usd.model.qos import Direction, Qos
 from lab3_usd.model.stage import Node, StageModel, Unknown, once_per_stage
 
 PROFILE = "inputs:qosProfile"
 QUEUE = "inputs:queueSize"
 PRESET = "inputs:createProfile"
-
-
-class Qos(Struct, frozen=True):
-    """A QoS profile in the words of ROS 2; times in seconds, 0 for no limit.
-
-    `depth` is None where it comes over a wire with an unknown value.
-    """
-
-    history: str = "keep_last"
-    depth: int | None = 10
-    reliability: str = "reliable"
-    durability: str = "volatile"
-    deadline: float = 0.0
-    lifespan: float = 0.0
-    liveliness: str = "system_default"
-    lease_duration: float = 0.0
-
-    def __str__(self) -> str:
-        """Write what matters for meeting a subscriber."""
-        depth = "?" if self.depth is None else str(self.depth)
-        history = f"{self.history} {depth}" if self.history == "keep_last" else self.history
-        return f"{history}, {self.reliability}, {self.durability}"
 
 
 # Each field of the JSON, and of the node that makes it, with ours.
@@ -157,8 +135,6 @@ def _profile(data: Mapping[str, object]) -> Qos | None:
     return Qos(**values)  # type: ignore[arg-type]  # all were just checked
 
 
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
-Direction = Literal["publishes", "subscribes"]
 _DIRECTIONS: dict[str, Direction] = {
     "publisher": "publishes",
     "helper": "publishes",
@@ -261,16 +237,17 @@ def _endpoint(
     runs = _is_at_work(node, port, live, running) and not is_refused_pair
     is_sure = certain is running or _is_at_work(node, port, live, certain)
     frames = (effective_value(node, name, live) for name in frame_ports(kind, port))
+    direction, qos = _DIRECTIONS[kind.role], qos_of(node, live, static=static)
     return Endpoint(
         topic=full_topic(node, port, stage, live),
         written=display_unknown(node, port) if written is None else str(written),
         type=message_type(node, kind, port, live),
-        direction=_DIRECTIONS[kind.role],
+        direction=direction,
         node=node,
         port=port,
         frames=tuple("?" if frame is None else str(frame) for frame in frames),
         queue=queue if isinstance(queue, int) else None,
-        qos=qos_of(node, live, static=static),
+        qos=None if qos is None or not qos.is_known else qos.opened(direction),
         rate=rate_source(node, stage, running, static=static),
         runs=runs,
         sure=runs and is_sure,

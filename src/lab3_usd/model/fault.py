@@ -10,7 +10,8 @@ FaultKind = Literal[
     "graph-not-evaluated", "simulation-stopped", "unknown-type", "unknown-port", "refused-wire",
     "not-executed",
     "switched-off", "zero-gate-step", "invalid-conversion", "no-number-input", "no-vector-input",
-    "wrong-array-type", "invalid-context", "invalid-qos-profile", "invalid-topic-name",
+    "wrong-array-type", "invalid-context", "invalid-qos-profile", "unmatched-peer",
+    "invalid-topic-name",
     # commands and the drive
     "ramp-without-time-step", "invalid-wheel-size", "no-joint-controller", "no-articulation",
     "excluded-joint", "unknown-joint", "empty-joint-name", "wrong-command-count",

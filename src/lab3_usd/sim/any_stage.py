@@ -66,6 +66,7 @@ from lab3_usd.sim.streams import (
     stamped,
     unheard_clock,
     unplayed,
+    untold,
 )
 from lab3_usd.sim.timeline import record, uncollected
 
@@ -221,7 +222,7 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
         yield verdict("graphs", list(graphs(trial)), trial)
     if any(publishers(trial)) or any(closed(trial)) or any(unplayed(trial)):
-        faults = [*published(trial), *repeated(trial), *closed(trial)]
+        faults = [*published(trial), *repeated(trial), *closed(trial), *untold(trial)]
         faults += hears_itself(trial, robots)
         faults += of_another(trial, robots)
         yield verdict("topics", faults, trial)

@@ -27,7 +27,8 @@ from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_root
 from lab3_usd.sim.mounting import carried_streams, held_frames
 from lab3_usd.sim.nodes.transforms import frame_name
-from lab3_usd.sim.robot.bodies import collides
+from lab3_usd.sim.robot.bodies import collides, is_kinematic
+from lab3_usd.sim.robot.loads import Burden, burdens
 from lab3_usd.sim.robot.machine import FIXED, HINGE, SLIDER, Joint, Machine
 from lab3_usd.sim.robot.machine import JOINTS as JOINT_TYPES
 
@@ -185,7 +186,13 @@ def _missing(machine: Machine, world: World) -> Iterator[str]:
         is_off = prim.values.get(JOINT_ENABLED) is False and not {*ends} <= machine.rest.keys()
         is_excluded = name in machine.joints and machine.joints[name].path == path
         is_own = any(end in machine.rest for end in ends)
-        if is_own and _has_drive(prim.apis) and (is_off or is_excluded):
+        is_cut = any(
+            is_kinematic(above)
+            for number in (0, 1)
+            for end in prim.targets.get(f"physics:body{number}", ())
+            for above in world.scene.above(end)
+        )
+        if is_own and _has_drive(prim.apis) and (is_off or is_excluded or is_cut):
             yield name
 
 
@@ -247,7 +254,10 @@ def arm_checks(trial: Trial, scene: Scene, machine: Machine, controller: str) ->
             fault = RunFault(text, stopped.kind, stopped.prim, stopped.reason)
             yield verdict("joints", [fault], trial)
         return
-    yield _judged(trial, 0, machine, controller)
+    told = trial.recording.held[0].commanded
+    is_placed = trial.recording.held[0].kind == "position"
+    weak = [*burdens(scene, machine, told)] if is_placed else []
+    yield _judged(trial, 0, machine, controller, weak)
     seen = _with_frames(trial, scene, machine)
     if seen.wanted.transforms:
         yield verdict("links", list(links(seen, scene)), seen)
@@ -260,14 +270,21 @@ def arm_checks(trial: Trial, scene: Scene, machine: Machine, controller: str) ->
     if any(_own_states(trial, machine)):
         yield verdict("joint states", list(joint_states(trial, scene, machine)), trial)
     if _moves(trial):
-        yield replace(_judged(trial, 1, machine, controller), name="again")
+        yield replace(_judged(trial, 1, machine, controller, weak), name="again")
     else:
         yield Check("again", "not judged", "the robot never moved")
 
 
-def _judged(trial: Trial, session: int, machine: Machine, controller: str) -> Check:
+def _judged(
+    trial: Trial, session: int, machine: Machine, controller: str, weak: Sequence[Burden]
+) -> Check:
     """Return whether joints follow; what efforts do to them is not judged."""
-    check = verdict("joints", list(joints(trial, session, machine, controller)), trial)
+    faults = list(joints(trial, session, machine, controller))
+    for burden in weak:
+        text = f"{burden.joint.name} does not hold the weight on it{trial.when([session])}"
+        site = burden.joint.path
+        faults.append(RunFault(text, "weak-drive", site, burden.text, sure=burden.is_sure))
+    check = verdict("joints", faults, trial)
     if trial.recording.held[0].kind == "effort" and check.verdict == "ok":
         text = "how far an effort moves a joint depends on masses, which are not simulated"
         return Check("joints", "not judged", text)

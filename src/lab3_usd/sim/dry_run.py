@@ -265,7 +265,7 @@ def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:
     """Yield what else is known of the robot."""
     blocked = next((pose for pose in trial.recording.path if pose.blocked), None)
     if blocked is not None:
-        yield f"a wall stops the robot while it is commanded to go {blocked.leg}"
+        yield f"{blocked.blocked} stops the robot while it is commanded to go {blocked.leg}"
     if trial.fit is not None:
         yield trial.fit.text
     yield from trial.recording.remarks

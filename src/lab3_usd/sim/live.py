@@ -21,14 +21,14 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
 from msgspec import Struct
+from msgspec.structs import replace
 from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.writer import JOINTS, STEERING, STORE, TWIST, serialized
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import JointStates, Message, Profile, Steering
-from lab3_usd.sim.execution.world import RosEndpoint, Twist
-from lab3_usd.sim.judge.causes import SUBSCRIBER
+from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Twist
 from lab3_usd.sim.timeline import Player, unknown_in
 
 _OF: Any = types  # the library types no subscripts of its own
@@ -52,6 +52,7 @@ _BASES: dict[str, Any] = {
 Command = Twist | JointStates | Steering
 DEPTH = 10
 FASTEST = 1e6  # metres or radians a second: what is beyond it, or no number, is no command
+USUAL = Profile()
 _BLOCKED = duration(milliseconds=100)  # as in the profiles of ROS 2
 # Peers are asked one by one, as a loopback interface need not have multicast; ROS 2 asks 32.
 # They are asked all the time, as they may come later and need not ask us: five times a second, as
@@ -80,7 +81,21 @@ def _qos(profile: Profile) -> Qos:
         Policy.Durability.TransientLocal if profile.is_durable else Policy.Durability.Volatile,
         Policy.History.KeepLast(profile.depth) if profile.depth else Policy.History.KeepAll,
         Policy.DataRepresentation(use_cdrv0_representation=True),
+        *([Policy.Deadline(_nanoseconds(profile.deadline))] if profile.deadline else []),
+        *_liveliness(profile),
     )
+
+
+def _liveliness(profile: Profile) -> list[Any]:
+    """Return how a publisher shows that it is alive, nothing for the default."""
+    if not (profile.lease or profile.is_manual):
+        return []
+    kind = Policy.Liveliness.ManualByTopic if profile.is_manual else Policy.Liveliness.Automatic
+    return [kind(_nanoseconds(profile.lease) if profile.lease else duration(infinite=True))]
+
+
+def _nanoseconds(seconds: float) -> int:
+    return round(seconds * 1e9)
 
 
 class DdsLink:
@@ -94,6 +109,7 @@ class DdsLink:
         """
         self.home = home
         self.sent: dict[tuple[str, str, int], int] = {}  # messages by topic, type and domain
+        self.unsent: set[tuple[str, str, int]] = set()  # topics whose content a run does not make
         self.lost = 0  # as somebody who listens does not keep up
         self.refused: dict[int, str] = {}  # domains that cannot be joined, with the reason
         self._joined: dict[int, tuple[Domain, DomainParticipant]] = {}
@@ -106,8 +122,8 @@ class DdsLink:
                 f"--live: DDS does not start in domain {home} on 127.0.0.1: {error.msg}"
             ) from error
 
-    def listen(self, domain: int, topic: str, kind: str) -> bool:
-        """Listen to commands, and return whether that is new."""
+    def listen(self, domain: int, topic: str, kind: str, profile: Profile = USUAL) -> bool:
+        """Listen to commands as a subscriber of the stage does, and return whether that is new."""
         key = (domain, topic, kind)
         if key in self._readers or domain in self.refused:
             return False
@@ -115,13 +131,15 @@ class DdsLink:
         if there is None:
             return False
         on_wire = Topic(there, _wire_topic(topic), wire_type(kind))
-        self._readers[key] = DataReader(there, on_wire, qos=_qos(Profile(DEPTH)))
+        self._readers[key] = DataReader(there, on_wire, qos=_qos(replace(profile, depth=DEPTH)))
         return True
 
     def publish(self, message: Message) -> None:
         """Send a message, except pixels and points, which a dry run does not make."""
         data = serialized(message)
         domain = self.home if message.away is None else message.away
+        if data is None:
+            self.unsent.add((message.topic, message.type, domain))
         there = None if data is None else self._in(domain)
         if data is None or there is None:
             return
@@ -244,6 +262,7 @@ class Lived(Struct, frozen=True):
     refused: dict[int, str]  # domains that could not be joined
     failed: dict[str, str]  # nodes whose last computation failed, with the reason
     not_simulated: dict[str, str]
+    unsent: tuple[tuple[str, str, int], ...] = ()  # topics of the stage that are not sent
 
 
 def play_live(
@@ -282,7 +301,7 @@ def play_live(
                 if endpoint is None or only not in {"", endpoint.topic}:
                     continue
                 there = link.home if endpoint.domain == home else endpoint.domain
-                if link.listen(there, endpoint.topic, kind):
+                if link.listen(there, endpoint.topic, kind, endpoint.profile):
                     opened(endpoint.topic, kind, there)
             due = paced(due + 1.0 / RATE)
     except KeyboardInterrupt:
@@ -297,6 +316,7 @@ def play_live(
         dict(sorted(link.refused.items())),
         {node.path: node.failure.reason for node in player.program.nodes.values() if node.failure},
         unknown_in(player.world),
+        tuple(sorted(link.unsent)),
     )
 
 

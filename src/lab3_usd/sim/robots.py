@@ -16,8 +16,7 @@ from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.sim.arms import JOINTS, TRANSFORMS, Reach, joint_drive, reach_of
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
-from lab3_usd.sim.execution.world import RosEndpoint, Standing, World, open_endpoint
-from lab3_usd.sim.judge.causes import SUBSCRIBER
+from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Standing, World, open_endpoint
 from lab3_usd.sim.judge.expectations import Expected
 from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name

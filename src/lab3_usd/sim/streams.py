@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from itertools import pairwise
 
+from lab3_usd.model.qos import unmatched
 from lab3_usd.sim.commands import domain_of
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.execution.world import NOT_OPENED
-from lab3_usd.sim.judge.causes import SUBSCRIBER, RunCauses
+from lab3_usd.sim.execution.world import NOT_OPENED, SUBSCRIBER
+from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial
 
 CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
@@ -30,6 +31,18 @@ def unheard_clock(seen: Trial, topics: Collection[tuple[str, int, str]]) -> Iter
     if message.topic != heard and (CLOCK, seen.wanted.domain, heard) not in topics:
         text = f"the clock is on {message.topic}, and programs with use_sim_time listen to {heard}"
         yield RunFault(text, "wrong-topic", message.node)
+
+
+def untold(trial: Trial) -> Iterator[RunFault]:
+    """Yield the nodes whose transforms tf2 does not hear as they are offered."""
+    told: dict[tuple[str, str], str] = {}
+    for message in trial.recording.messages:
+        if message.type == TRANSFORMS and (message.node, message.topic) not in told:
+            why = unmatched("publishes", message.type, message.profile.qos)
+            told[message.node, message.topic] = why
+    for (node, topic), why in told.items():
+        if why:
+            yield RunFault(f"nobody hears {topic}: {why}", "unmatched-peer", node)
 
 
 def publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import gc
+import math
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 
@@ -108,6 +109,7 @@ def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
     )
 
 
+LEVEL = 2.0  # degrees by which a robot may lean before its scan shows something else
 FASTEST = 1000.0  # physics steps a second that are played
 EYES = 0.15  # metres above the robot at which a room without a lidar is drawn
 
@@ -275,6 +277,10 @@ def player_of(
         for path, reason in physics.items():
             named = f"not simulated: {path}: {reason}"
             world.unplayed.update((check, named) for check in DRIVEN)
+        lean = math.degrees(player.robot.lean)
+        if lean > LEVEL:
+            text = f"not simulated: the robot leans by {lean:.0f} degrees, and its sensors with it"
+            world.unplayed.update((check, text) for check in ("scan", "map"))
         world.not_simulated |= player.robot.unclear
         path, reason = next(iter(player.robot.unclear.items()), ("", ""))
         player.recording.unclear = f"not simulated: {path}: {reason}" if path else ""

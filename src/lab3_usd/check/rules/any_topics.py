@@ -22,12 +22,13 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import removal_or_repair
 from lab3_usd.facts.domains import are_surely_one
-from lab3_usd.facts.endpoints import Endpoint, Qos, endpoints, running_endpoints
+from lab3_usd.facts.endpoints import Endpoint, endpoints, running_endpoints
 from lab3_usd.facts.execution_order import effective_value, live_nodes
 from lab3_usd.facts.followed_bodies import moving_source
 from lab3_usd.model.changes import Edit, RemovePrim
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.qos import Qos
 
 
 def _severity(*ends: Endpoint, subject: TopicsSubject) -> Severity | None:

@@ -11,8 +11,8 @@ from lab3_usd.facts.domains import are_surely_one
 from lab3_usd.facts.endpoints import (
     PROFILE,
     Endpoint,
-    Qos,
     endpoints,
+    qos_of,
     running_endpoints,
 )
 from lab3_usd.facts.execution_order import effective_value, nodes_of
@@ -21,6 +21,7 @@ from lab3_usd.facts.written_names import refused_namespaces, written_frames, wri
 from lab3_usd.isaac.node_types import KIND, NodeType
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
+from lab3_usd.model.qos import Qos, unmatched
 from lab3_usd.model.stage import Node
 
 
@@ -32,7 +33,7 @@ def severity_of_conflict(*ends: Endpoint) -> Severity | None:
 
 @rule("K42", "invalid-qos", scope="lint", formerly="refused-profile")
 def invalid_qos(subject: LintSubject) -> Iterator[Problem]:
-    """A QoS profile cannot be read.
+    """A QoS profile cannot be read, or has a policy that does not exist.
 
     Why: a profile is JSON with eight fields, and Isaac Sim requires all of them: the three times
     with a decimal point (`0.0`), the depth without one. If a field is missing, misspelt or has
@@ -44,6 +45,17 @@ def invalid_qos(subject: LintSubject) -> Iterator[Problem]:
     """
     for endpoint in endpoints(subject.stage):
         written = effective_value(endpoint.node, PROFILE, subject.live)
+        profile = qos_of(endpoint.node, subject.live, static=False)
+        if profile is not None and not profile.is_known:
+            yield Problem(
+                endpoint.node.path,
+                f"its QoS profile has a policy `unknown`, with which ROS 2 opens nothing: "
+                f"{endpoint.topic} is not there",
+                property=PROFILE,
+                expected="policies that are known",
+                actual=str(profile),
+            )
+            continue
         if endpoint.qos is None and isinstance(written, str) and written:
             yield Problem(
                 endpoint.node.path,
@@ -90,7 +102,46 @@ def _mismatch(maker: Qos, taker: Qos) -> str:
         return "the subscriber asks for reliable, the publisher offers best effort"
     if taker.durability == "transient_local" and maker.durability == "volatile":
         return "the subscriber asks for transient local, the publisher offers volatile"
+    for asked, offered, name in (
+        (taker.deadline, maker.deadline, "deadline"),
+        (taker.lease_duration, maker.lease_duration, "lease"),
+    ):
+        if asked and (not offered or offered > asked):
+            least = f"one of {offered:g} s" if offered else "none"
+            return f"the subscriber asks for a {name} of {asked:g} s, the publisher offers {least}"
+    if taker.liveliness == "manual_by_topic" != maker.liveliness:
+        return "the subscriber asks for manual liveliness, the publisher offers automatic"
     return ""
+
+
+@rule("K98", "unmatched-peer", severity="warning", scope="lint")
+def unmatched_peer(subject: LintSubject) -> Iterator[Problem]:
+    """The usual peer of a topic cannot be matched with its endpoint.
+
+    Why: whoever asks for more than the other side offers hears nothing (DDS). A default publisher,
+    as those of teleop and Nav2, offers reliable, volatile, no deadline and no lease; `tf2_ros`
+    listens to `/tf` as reliable.
+
+    Fix: clear QoS Profile, or give your own peers the same profile.
+
+    Example: `/cmd_vel` is subscribed as transient local, so that teleop moves nothing.
+    """
+    for endpoint in endpoints(subject.stage):
+        if endpoint.qos is None or not endpoint.runs:
+            continue
+        why = unmatched(endpoint.direction, endpoint.type or "", endpoint.qos)
+        offered = any(
+            other.topic == endpoint.topic and other.direction != endpoint.direction
+            for other in endpoints(subject.stage)
+        )
+        if why and not offered:  # else K43 says so of the two
+            yield Problem(
+                endpoint.node.path,
+                f"{endpoint.topic}: {why}",
+                property=PROFILE,
+                expected=str(Qos()),
+                actual=str(endpoint.qos),
+            )
 
 
 @rule("K35", "unknown-token", scope="lint", formerly="value-not-offered")

@@ -11,6 +11,7 @@ from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Affine, Quaternion
 from lab3_usd.model.joint_drives import JointCommand
+from lab3_usd.model.qos import Qos
 from lab3_usd.model.transforms import Vector
 
 T = TypeVar("T")
@@ -148,6 +149,21 @@ class Profile(Struct, frozen=True):
     depth: int = 10
     is_reliable: bool = True
     is_durable: bool = False  # kept for subscribers that come late: "transient local"
+    deadline: float = 0.0  # seconds between messages, 0 for none
+    lease: float = 0.0  # seconds in which a publisher is to be alive, 0 for none
+    is_manual: bool = False  # whether a publisher says itself that it is alive
+
+    @property
+    def qos(self) -> Qos:
+        """The same in the words of ROS 2."""
+        return Qos(
+            depth=self.depth,
+            reliability="reliable" if self.is_reliable else "best_effort",
+            durability="transient_local" if self.is_durable else "volatile",
+            deadline=self.deadline,
+            liveliness="manual_by_topic" if self.is_manual else "automatic",
+            lease_duration=self.lease,
+        )
 
 
 class Message(Struct):
@@ -205,7 +221,7 @@ class Pose(Struct, frozen=True):
     y: float
     heading: float
     z: float = 0.0
-    blocked: bool = False  # by a wall
+    blocked: str = ""  # what stops it, as a wall
     wheels: tuple[float, ...] = ()  # how fast they turn, radians a second
 
 

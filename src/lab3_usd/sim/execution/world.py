@@ -27,6 +27,7 @@ from lab3_usd.sim.execution.recording import Message, Profile
 from lab3_usd.sim.lidar import Beam, Surroundings
 from lab3_usd.sim.robot.machines import Machines
 
+SUBSCRIBER = "subscriber"
 _NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
 _POLICIES = {  # words of a QoS profile (Ros2QoS.h:169-213)
     "history": ("keepLast", "keepAll", "systemDefault", "unknown"),
@@ -117,7 +118,8 @@ def open_endpoint(
     # A static publisher does not read its profile (RN/nodes/OgnROS2PublishTransformTree.cpp:167).
     is_static = node.flag("staticPublisher", world)
     text = "" if is_static else node.text("qosProfile", world)
-    profile = profile_of(text, node.whole("queueSize", world))
+    publishes = SUBSCRIBER not in node.type.role
+    profile = profile_of(text, node.whole("queueSize", world), publishes=publishes)
     if domain is None:
         node.fails("its context is invalid", "invalid-context")
     elif domain > LAST_DOMAIN:
@@ -133,8 +135,12 @@ def open_endpoint(
     return None
 
 
-def profile_of(text: str, queue_size: int) -> Profile | None:
-    """Return the profile of `qosProfile`, which is JSON, or None where it is none (Ros2QoS.h)."""
+def profile_of(text: str, queue_size: int, *, publishes: bool = True) -> Profile | None:
+    """Return the profile of `qosProfile`, which is JSON, or None where it is none (Ros2QoS.h).
+
+    Of a policy `unknown` ROS 2 makes no endpoint. What the system is to decide, Fast DDS does: a
+    publisher is reliable and transient local, a subscriber best effort and volatile.
+    """
     if not text:
         return Profile(queue_size or Profile().depth)
     try:
@@ -143,10 +149,17 @@ def profile_of(text: str, queue_size: int) -> Profile | None:
         return None
     if not isinstance(qos, dict) or not _is_profile(qos):
         return None
+    if any(qos[name] == "unknown" for name in _POLICIES):
+        return None
+    reliability = {"systemDefault": "reliable" if publishes else "bestEffort"}
+    durability = {"systemDefault": "transientLocal" if publishes else "volatile"}
     return Profile(
         depth=0 if qos["history"] == "keepAll" else max(qos["depth"], 1),
-        is_reliable=qos["reliability"] != "bestEffort",
-        is_durable=qos["durability"] == "transientLocal",
+        is_reliable=reliability.get(qos["reliability"], qos["reliability"]) != "bestEffort",
+        is_durable=durability.get(qos["durability"], qos["durability"]) == "transientLocal",
+        deadline=qos["deadline"],
+        lease=qos["leaseDuration"],
+        is_manual=qos["liveliness"] == "manualByTopic",
     )
 
 

@@ -16,12 +16,12 @@ from lab3_usd.model.traction import Pull
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
+from lab3_usd.sim.execution.world import SUBSCRIBER
 from lab3_usd.sim.judge.expectations import Cause, RunFault
 from lab3_usd.sim.robot.machine import DRIVE, Joint, Machine
 
 _RADIUS = "wheelRadius"
 _TYPE = "type"  # the input of a helper that says what it publishes
-SUBSCRIBER = "subscriber"
 
 
 # What a fault of these kinds misses could be part of any asset, or of the asset of the robot.

@@ -79,8 +79,8 @@ def _straight(trial: Trial, stretch: Stretch) -> RunFault | None:
     commanded, steady = leg.forward * leg.seconds, stretch.steady
     part, _, _ = displacement(steady.before, steady.poses[-1])
     if not trial.follows(part, leg.forward * steady.seconds):
-        if _is_stopped(trial, stretch, ahead / commanded):
-            return _wall(f"commanded to go {commanded:.2f} m", f"after {ahead:.2f} m")
+        if what := _stopped_by(trial, stretch, ahead / commanded):
+            return _wall(what, f"commanded to go {commanded:.2f} m", f"after {ahead:.2f} m")
         text = f"commanded to go {commanded:.2f} m, went {ahead:.2f}"
         text += trial.expected_text(commanded, ".2f")
         return trial.motion_fault(text, "wrong-distance")
@@ -89,13 +89,14 @@ def _straight(trial: Trial, stretch: Stretch) -> RunFault | None:
     return None
 
 
-def _is_stopped(trial: Trial, stretch: Stretch, part: float) -> bool:
-    """Whether a wall is why a robot does only this part of a command."""
-    return any(pose.blocked for pose in stretch.poses) and 0 <= part < trial.factor
+def _stopped_by(trial: Trial, stretch: Stretch, part: float) -> str:
+    """Return what is why a robot does only this part of a command, '' for nothing."""
+    blocked = next((pose.blocked for pose in stretch.poses if pose.blocked), "")
+    return blocked if 0 <= part < trial.factor else ""
 
 
-def _wall(command: str, done: str) -> RunFault:
-    return RunFault(f"{command}, a wall stops it {done}", "wall-ahead", sure=False)
+def _wall(what: str, command: str, done: str) -> RunFault:
+    return RunFault(f"{command}, {what} stops it {done}", "wall-ahead", sure=False)
 
 
 def _turn(trial: Trial, stretch: Stretch) -> RunFault | None:
@@ -125,8 +126,8 @@ def _arc(trial: Trial, stretch: Stretch) -> RunFault | None:
         return None
     text = f"commanded to go {abs(leg.forward) * leg.seconds:.2f} m and turn"
     text += f" {math.degrees(leg.turn * leg.seconds):.0f} degrees"
-    if _is_stopped(trial, stretch, steady.path_length / length):
-        return _wall(text, f"after {stretch.path_length:.2f} m")
+    if what := _stopped_by(trial, stretch, steady.path_length / length):
+        return _wall(what, text, f"after {stretch.path_length:.2f} m")
     text += f", did {stretch.path_length:.2f} m and {math.degrees(stretch.turned):.0f}"
     return trial.motion_fault(text, "wrong-arc")
 
@@ -149,8 +150,8 @@ def _at_limit(trial: Trial, stretch: Stretch) -> RunFault | None:
     if trial.follows(speed, limit, turning=turning):
         return None
     unit = "rad" if turning else "m"
-    if _is_stopped(trial, stretch, speed / limit):
-        return _wall(f"commanded to go {name}", f"at {speed:.2f} of {limit} {unit}/s")
+    if what := _stopped_by(trial, stretch, speed / limit):
+        return _wall(what, f"commanded to go {name}", f"at {speed:.2f} of {limit} {unit}/s")
     text = f"commanded to go {name}, does {speed:.2f} of {limit} {unit}/s"
     return trial.motion_fault(text + trial.expected_text(limit, ".2f"), "wrong-speed-limit")
 
@@ -185,8 +186,8 @@ def again(trial: Trial) -> Iterator[RunFault]:
         ahead, left, _ = displacement(steady.before, steady.poses[-1])
         commanded, when = leg.forward * steady.seconds, trial.when([number])
         follows = trial.follows(ahead, commanded)
-        if not follows and _is_stopped(trial, steady, ahead / commanded):
-            yield _wall(f"commanded to go {commanded:.2f} m{when}", f"after {ahead:.2f} m")
+        if not follows and (what := _stopped_by(trial, steady, ahead / commanded)):
+            yield _wall(what, f"commanded to go {commanded:.2f} m{when}", f"after {ahead:.2f} m")
         elif not follows or abs(left) > trial.tolerance.slip[0]:
             yield trial.motion_fault(f"does not follow {trial.wanted.commands}{when}", kind)
 

@@ -10,10 +10,17 @@ from collections.abc import Iterable, Iterator, Sequence
 
 from lab3_usd.model.dry_run import Affine, ScenePrim
 from lab3_usd.model.joint_drives import DRIVEN_AXES
+from lab3_usd.model.qos import unmatched
 from lab3_usd.model.transforms import Vector, cross, dot, length
 from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
-from lab3_usd.sim.execution.world import World, open_endpoint, opened_endpoint, send
+from lab3_usd.sim.execution.world import (
+    RosEndpoint,
+    World,
+    open_endpoint,
+    opened_endpoint,
+    send,
+)
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 from lab3_usd.sim.robot.machine import Joint, Machine
 
@@ -50,10 +57,17 @@ def received(node: NodeInstance, world: World, kind: type) -> object:
         node.fails(text, "wrong-topic")
     elif network.inbox is None and endpoint.domain != network.commands.domain:
         node.fails(f"it listens in domain {endpoint.domain}", "wrong-domain")
+    elif network.inbox is None and (why := unheard(node, endpoint)):
+        node.fails(why, "unmatched-peer")
     elif number != node.memory["heard"] and isinstance(command, kind):
         node.memory["heard"] = number
         return command
     return None
+
+
+def unheard(node: NodeInstance, endpoint: RosEndpoint) -> str:
+    """Say why a subscriber hears no publisher with the defaults of ROS 2, '' where it does."""
+    return unmatched("subscribes", node.type.message.get("", ""), endpoint.profile.qos)
 
 
 @computes("DifferentialController")

@@ -156,8 +156,17 @@ def assembled(bodies: dict[str, ScenePrim], joints: list[Joint]) -> list[Machine
 def _carrying(root: str, ends: dict[str, list[Joint]]) -> str:
     """Return the body that a robot's others are placed from: no wheel, though it be the root.
 
-    PhysX takes any link as the root of an articulation, and the robot moves the same.
+    PhysX takes any link as the root of an articulation, and the robot moves the same. One that is
+    tied to the world is placed from there.
     """
+    found = {root: None}
+    for body in (waiting := [root]):
+        for joint in ends[body]:
+            if "" in joint.bodies and not joint.kinematic:
+                return body
+            new = [other for other in joint.bodies if other and other not in found]
+            found.update(dict.fromkeys(new))
+            waiting += new
     joints = ends[root]
     if len(joints) == 1 and joints[0].kind != FIXED and joints[0].bodies[1] == root:
         carrier = joints[0].bodies[0]
@@ -189,6 +198,7 @@ def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint
             if joint.kind != FIXED:
                 moving[joint.name] = joint
     machine = Machine(base, bodies[base].world.rigid(), rest, parents, moving, held, kinematic)
+    machine.know(next((body for body in rest if ROOT in bodies[body].apis), base))
     for joint in closing:  # which holds its bodies together, so that none between them moves
         first, second = ({id(j): j for j in machine.above(body)} for body in joint.bodies)
         for number in first.keys() ^ second.keys():

@@ -17,7 +17,7 @@ from lab3_usd.model.dry_run import AXES, Affine, Segment, about
 from lab3_usd.model.joint_drives import JointCommand
 from lab3_usd.model.traction import Pull
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.geometry import distance
+from lab3_usd.sim.geometry import Surface, distance, height_at
 
 HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"
 FIXED = "PhysicsFixedJoint"
@@ -154,6 +154,8 @@ def solution(wheels: Sequence[Wheel]) -> list[tuple[float, float, float]]:
 
 
 GRAVITY = 9.81
+STEP, HIGH = 0.01, 0.05  # metres from which on a step stops a wheel, and to which one is looked for
+LOOKS = 0.01  # metres after which the ground below the wheels is looked at again
 _PROMPT = Pull()  # of a wheel that is at its speed at once
 
 
@@ -180,6 +182,27 @@ class Posture(Struct, eq=False, dict=True):
     def offset(self, body: str) -> Affine:
         """Return where a body is in the frame of the base."""
         return self.machine.offset(body, self.positions)
+
+
+class Floor(Struct, frozen=True):
+    """What a robot may come to a step on, or to the end of: surfaces near its ground.
+
+    `unit` is how many units are a metre, `goes_on` whether the ground has no end.
+    """
+
+    surfaces: Sequence[Surface]
+    height: float
+    unit: float
+    goes_on: bool
+
+    def obstacle(self, x: float, y: float) -> str:
+        """Return what stops a wheel at a place, '' for nothing."""
+        step = STEP * self.unit
+        found = height_at(self.surfaces, x, y, self.height + HIGH * self.unit)
+        if found is None or found < self.height - step:
+            return "" if self.goes_on else "the end of the ground"
+        rise = (found - self.height) / self.unit
+        return f"a step of {100 * rise:.2g} cm" if rise > STEP else ""
 
 
 class Machine(Struct):
@@ -213,7 +236,10 @@ class Machine(Struct):
     yaw: float = 0.0
     velocity: tuple[float, float, float] = (0.0, 0.0, 0.0)  # of the base, in its own frame
     fall: float = 0.0
-    blocked: bool = False
+    blocked: str = ""  # what stops it
+    barriers: dict[str, list[Segment]] = field(default_factory=dict)  # bodies in its way
+    floor: Floor | None = None  # None where its ground is flat and endless
+    unchecked: float = 0.0  # how far it went since its wheels were last looked at
     clearance: float = 0.0
     is_steered: bool = False  # whether joints turn what a wheel hangs on
     scrubs: bool = False  # whether wheels slide in a turn, as four that do not steer
@@ -228,15 +254,28 @@ class Machine(Struct):
         return next(link for link, parent in self.parents.items() if parent is joint)
 
     def __post_init__(self) -> None:
-        """Find the joints that the articulation knows."""
-        self.articulated = {
-            name: joint for name, joint in self.joints.items() if not joint.excluded
-        }
+        """Find the joints that the articulation knows: up to one that is excluded from it."""
+        self.know(self.base)
+
+    def know(self, root: str) -> None:
+        """Let the articulation begin at a body: what lies behind an excluded joint is not in it."""
+        own = {id(joint): joint for joint in self.above(root)}
+        self.articulated = {}
+        for body, joint in self.parents.items():
+            if joint.kind == FIXED:
+                continue
+            way = {id(each): each for each in self.above(body)}
+            between = [(own | way)[key] for key in own.keys() ^ way.keys()]
+            if not any(each.excluded for each in between):
+                self.articulated[joint.name] = joint
+        order = [*self.joints]
+        self.articulated = {name: self.joints[name] for name in order if name in self.articulated}
 
     def reset(self) -> None:
         """Go back to where playing starts."""
         self.x = self.y = self.yaw = self.fall = self.clearance = 0.0
-        self.drop, self.velocity, self.blocked = self.home, (0.0, 0.0, 0.0), False
+        self.drop, self.velocity, self.blocked = self.home, (0.0, 0.0, 0.0), ""
+        self.unchecked = 0.0
         self.now = None
         for joint in self.joints.values():
             joint.reset()
@@ -362,17 +401,44 @@ class Machine(Struct):
         self.x, self.y, self.yaw = self.x + dx, self.y + dy, self.yaw + w * dt
         return (vx, vy, w)
 
-    def _meets(self, dx: float, dy: float) -> bool:
+    def _meets(self, dx: float, dy: float) -> str:
+        """Return what is in the way of a motion, '' for nothing."""
+        step = self._step_ahead(dx, dy)
+        if step:
+            return step
         self.clearance -= math.hypot(dx, dy)
-        if self.clearance > 0 or not self.walls:
-            return False
+        if self.clearance > 0 or not (self.walls or self.barriers):
+            return ""
         c, s = math.cos(self.yaw), math.sin(self.yaw)
         u, v = self.middle
         x = self.start.origin[0] + self.x + c * u - s * v
         y = self.start.origin[1] + self.y + s * u + c * v
-        gap = distance(self.walls, x + dx, y + dy) - self.radius
-        self.clearance = gap
-        return gap < 0 and gap + self.radius < distance(self.walls, x, y)
+        self.clearance = math.inf
+        for what, segments in (("a wall", self.walls), *self.barriers.items()):
+            gap = distance(segments, x + dx, y + dy) - self.radius
+            self.clearance = min(self.clearance, gap)
+            if gap < 0 and gap + self.radius < distance(segments, x, y):
+                return what
+        return ""
+
+    def _step_ahead(self, dx: float, dy: float) -> str:
+        """Return the step, or the end of the ground, to which a wheel comes, '' for none."""
+        if self.floor is None:
+            return ""
+        self.unchecked += math.hypot(dx, dy) / self.floor.unit
+        if self.unchecked < LOOKS:
+            return ""
+        self.unchecked = 0.0
+        c, s = math.cos(self.yaw), math.sin(self.yaw)
+        x, y, _ = self.start.origin
+        for wheel in self.wheels:
+            u, v = wheel.contact
+            at = x + self.x + dx + c * u - s * v, y + self.y + dy + s * u + c * v
+            found = self.floor.obstacle(*at)
+            if found:
+                self.unchecked = LOOKS  # and it is there at the next step as well
+                return found
+        return ""
 
     def _turn_joints(self, wheels: Sequence[Wheel], speeds: dict[str, float], dt: float) -> None:
         vx, vy, w = self.velocity

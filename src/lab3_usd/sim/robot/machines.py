@@ -22,18 +22,28 @@ from lab3_usd.model.traction import (
     pull_of,
     surface_of,
 )
-from lab3_usd.model.transforms import Vector, cross, minus
+from lab3_usd.model.transforms import Vector, cross, length, minus
+from lab3_usd.sim.geometry import Surface as GroundSurface
 from lab3_usd.sim.geometry import cut, ground_of, height_at, is_mirrored, placed
 from lab3_usd.sim.robot.bodies import ROOT, Bodies, collides
 from lab3_usd.sim.robot.machine import (
     FIXED,
     HINGE,
+    Floor,
     Machine,
     Posture,
     Wheel,
     solution,
 )
-from lab3_usd.sim.robot.stance import SPHERICAL, Stance, contacts, stance_of
+from lab3_usd.sim.robot.stance import (
+    DENSITY,
+    SPHERICAL,
+    Contact,
+    Stance,
+    contacts,
+    solid_of,
+    stance_of,
+)
 
 OWNER = "physics:simulationOwner"
 _SLIDES_OFF = (
@@ -47,7 +57,12 @@ SKIRT = 0.05  # metres above the ground at which walls stop a robot
 LEVEL = 1e-6  # metres between what carries a wheel and the ground
 PROMPT = 2.0  # metres a second squared, from which on a drive is taken to be at its speed at once
 SOON = 0.02  # seconds
+_TURNS_TYRE = 0.6  # part of what turns a tyre on the spot, below which a drive may not steer it
 _TURNS = (0.7, 1.3)  # of what the driven wheels can turn: what surely slides, and what surely holds
+_HEAVY = 0.5  # part of a robot's mass, from which on a body may stop it
+AROUND = 3.0  # metres in which others may be in the way
+STEP = 0.01  # metres that the ground may rise or fall
+_MANY_FACES = 5000  # of a mesh on which no step is looked for
 _SLIDES = 1e-4  # sideways for each unit that a wheel rolls, from which on it slides
 STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -256,6 +271,60 @@ class Machines:
             machine.walls = cut(self._solid.values(), ground + SKIRT * unit)
             if machine.grounded:
                 self._stand(machine, stance, ground)
+                self._surround(machine, stance, ground)
+
+    def _surround(self, machine: Machine, stance: Stance, ground: float) -> None:
+        """Note what stops a robot that drives: heavy bodies, steps, and where the ground ends."""
+        if not machine.wheels or machine.is_given_ground:
+            return
+        unit = 1.0 / self.scene.meters_per_unit
+        own = _HEAVY * sum(stance.masses.values())
+        here = machine.start.origin
+        for other in self.machines:
+            away = length(minus(here, other.start.origin))
+            if other is machine or away > AROUND * unit:
+                continue
+            surfaces = self._body_surfaces(other)
+            segments = cut(surfaces, ground + SKIRT * unit)
+            mass = sum(self._mass(body) for body in other.rest) if segments else 0.0
+            if mass > own:
+                machine.barriers[f"{other.base.rpartition('/')[2]} of {mass:.3g} kg"] = segments
+        low, high = ground - STEP * unit, ground + SKIRT * unit
+        near = {
+            path: surface
+            for path, surface in self._solid.items()
+            if surface.box[1][2] >= low and surface.box[0][2] <= high
+        }
+        planes = [s for path, s in near.items() if self.scene.prims[path].type == "Plane"]
+        is_flat = any(abs(plane.box[1][2] - ground) < LEVEL * unit for plane in planes)
+        small = [surface for surface in near.values() if len(surface.counts) <= _MANY_FACES]
+        if is_flat:
+            small = [s for s in small if ground + STEP * unit < s.box[1][2] <= high]
+        if small:
+            goes_on = is_flat or len(small) < len(near)
+            machine.floor = Floor(tuple(small), ground, unit, goes_on)
+
+    def _body_surfaces(self, machine: Machine) -> list[GroundSurface]:
+        """Return the surfaces of the shapes of a machine as they stand at the start."""
+        return [
+            placed(prim, prim.world)
+            for body in machine.rest
+            for prim in self.scene.below(body)
+            if collides(prim) and self.body_of(prim.path) == body
+        ]
+
+    def _mass(self, body: str) -> float:
+        """Return the mass of a body, by its shapes where none is written."""
+        mass = number(self.scene.prims[body].values.get(MASS)) or 0.0
+        if mass > 0:
+            return mass
+        shapes = (
+            solid_of(prim, prim.world)
+            for prim in self.scene.below(body)
+            if collides(prim) and self.body_of(prim.path) == body
+        )
+        volume = sum(shape.volume for shape in shapes if shape is not None)
+        return volume * self.scene.meters_per_unit**3 * DENSITY or 1.0
 
     def _no_ground(self, x: float, y: float, below: float) -> tuple[str, str] | None:
         """Return the shape that is below a place and carries nothing, and why; None for none."""
@@ -299,6 +368,7 @@ class Machines:
             rolling += [shape.path for shape in contact.shapes]
             if contact.odd:
                 machine.unclear[body] = f"{contact.shapes[0].path.rpartition('/')[2]} {contact.odd}"
+            self._steered_weakly(machine, contact, stance)
             if not self._grips(machine, ground, wheel):
                 machine.smooth = body
             else:
@@ -376,6 +446,21 @@ class Machines:
             arm = abs(dx * v - dy * u) if is_along else abs(dx * u + dy * v)
             moment += arm * stance.weight_on([machine.link_of(wheel.joint)])
         return moment
+
+    def _steered_weakly(self, machine: Machine, contact: Contact, stance: Stance) -> None:
+        """See whether a joint that steers a wheel could turn its tyre on the spot."""
+        shape = contact.shapes[0]
+        link = machine.link_of(contact.wheel.joint)
+        ends = (shape.points[0], shape.points[-1]) if shape.radii else ()
+        width = length(minus(*ends)) if len(ends) > 1 else 0.0
+        weight = stance.weight_on([link]) * sum(stance.masses.values()) * 9.81
+        scrub = self._surface(shape.path).friction * weight * width * self.scene.meters_per_unit / 4
+        for joint in machine.above(contact.wheel.carrier):
+            if joint.kind == HINGE and joint.stiffness > 0 and not joint.locked:
+                force = joint.force * self.scene.meters_per_unit**2
+                if force < _TURNS_TYRE * scrub:
+                    text = f"its drive has {force:.2g} N m to steer a tyre that takes about"
+                    machine.unclear[joint.path] = f"{text} {scrub:.2g}"
 
     def _weigh(self, machine: Machine, stance: Stance, stand: Stand, rolling: list[str]) -> None:
         """See whether what does not roll carries so much that it holds the wheels."""

@@ -40,6 +40,7 @@ class Stance(Struct, frozen=True):
     stand: Stand | None
     centre: Vector
     masses: Mapping[str, float]
+    centres: Mapping[str, Vector]  # of mass, by body, in the frame of `solids`
 
     @property
     def turn(self) -> Affine:
@@ -84,15 +85,15 @@ def solid_of(prim: ScenePrim, at: Affine) -> Solid | None:
 
 def masses_of(
     scene: Scene, machine: Machine, solids: Mapping[str, Sequence[Solid]]
-) -> tuple[dict[str, float], Vector]:
-    """Return the mass of each body in kilograms, and the centre of all in the turned frame.
+) -> tuple[dict[str, float], dict[str, Vector]]:
+    """Return the mass of each body in kilograms, and its centre in the turned frame.
 
     What has no mass has that of its shapes, and without shapes 1 kg (PhysX).
     """
     unit = scene.meters_per_unit
     base = Affine(machine.start.rows)
     masses: dict[str, float] = {}
-    moments: list[tuple[float, Vector]] = []
+    centres: dict[str, Vector] = {}
     for body in machine.rest:
         values, own = scene.prims[body].values, solids[body]
         volumes = [each.volume * unit**3 for each in own]
@@ -112,21 +113,22 @@ def masses_of(
             )
             at = (x, y, z)
         masses[body] = mass
-        moments.append((mass, at))
-    total = sum(masses.values()) or 1.0
-    x, y, z = (sum(mass * at[k] for mass, at in moments) / total for k in range(3))
-    return masses, (x, y, z)
+        centres[body] = at
+    return masses, centres
 
 
 def stance_of(scene: Scene, bodies: Bodies, machine: Machine) -> Stance:
     """Return how a machine stands on level ground."""
     solids = shapes_of(scene, bodies, machine)
-    masses, centre = masses_of(scene, machine, solids)
+    masses, centres = masses_of(scene, machine, solids)
+    total = sum(masses.values()) or 1.0
+    x, y, z = (sum(m * centres[body][k] for body, m in masses.items()) / total for k in range(3))
+    centre = (x, y, z)
     stand = None
     every = [shape for own in solids.values() for shape in own]
     if every and not machine.held and not _is_sprung(machine):
         stand = standing(every, centre, 1.0 / scene.meters_per_unit)
-    return Stance(solids, stand, centre, masses)
+    return Stance(solids, stand, centre, masses, centres)
 
 
 def _is_sprung(machine: Machine) -> bool:

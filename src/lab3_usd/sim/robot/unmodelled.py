@@ -8,8 +8,10 @@ from typing import Any
 
 from lab3_usd.model.dry_run import Scene, ScenePrim
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
-from lab3_usd.model.physics import SCENE, numbers
+from lab3_usd.model.physics import SCENE, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.solids import box_of
+from lab3_usd.model.transforms import length, minus
 from lab3_usd.sim.robot.bodies import collides
 from lab3_usd.sim.robot.machine import HINGE, JOINTS, Joint, Machine
 from lab3_usd.sim.robot.machines import Machines
@@ -20,6 +22,8 @@ _FILTERED, _INVERTED = "physics:filteredGroups", "physics:invertFilteredGroups"
 _COLLIDERS = "collection:colliders:"
 _SPEED = "physxJoint:maxJointVelocity"
 _ROUND, _EVEN = ("Sphere", "Cylinder", "Capsule", "Cone"), 0.01
+_INERTIA, _PLACEHOLDER = "physics:diagonalInertia", 50.0  # times that no shape explains
+_UNSET = 1e8  # an infinite value means that the schema's own counts
 _MIMIC = ("physxMimicJoint:", "newton:mimic")
 _FASTEST = 0.5  # metres a second: no command lets a robot, or the rim of a wheel, go faster
 _SLOWEST = 10.0  # degrees a second: a joint that may turn so fast comes where it should
@@ -100,6 +104,7 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
         *(pair for ground in grounds for pair in _bad(ground, _SURFACE)),
         *(pair for prim in scene.prims.values() for pair in _of_joint(prim, machines, robot)),
         *_uneven(own),
+        *_inert(machines, robot),
         *_owned(scene, [*bodies, *own, *floors]),
         *_filtered(scene, [prim.path for prim in own], [floor.path for floor in floors]),
     ]
@@ -138,6 +143,34 @@ def _needed(joint: Joint, machines: Machines, robot: Machine) -> float:
     if radius > 0:
         return math.degrees(_FASTEST / unit / radius)
     return _SLOWEST if joint.kind == HINGE else math.radians(_SLOWEST) / unit
+
+
+def _inert(machines: Machines, robot: Machine) -> Iterator[tuple[str, str]]:
+    """Yield bodies with an inertia that none of their mass and size can have.
+
+    One that turns on no joint is a part of the robot, and is held against the whole.
+    """
+    stance = machines.stances.get(robot.base)
+    if stance is None:
+        return
+    turning = {robot.link_of(joint) for joint in robot.joints.values()}
+    unit = machines.scene.meters_per_unit
+    for body in robot.rest:
+        most = max(map(abs, vector(machines.scene.prims[body].values.get(_INERTIA))))
+        parts = [body] if body in turning else [*robot.rest]
+        shapes = [shape for part in parts for shape in stance.solids[part]]
+        points = [point for shape in shapes for point in shape.points]
+        if not most or most > _UNSET or not points:
+            continue
+        low, high = box_of(points)
+        reach = max((r for shape in shapes for r in shape.radii), default=0.0)
+        size = length(minus(high, low)) / 2 + reach
+        usual = sum(stance.masses[part] for part in parts) * size**2
+        if most > _PLACEHOLDER * usual:
+            text = (
+                f"{_INERTIA} is {most * unit**2:g} kg m2, about {most / usual:.0f} times what its"
+            )
+            yield body, f"{text} mass and size allow"
 
 
 def _uneven(shapes: list[ScenePrim]) -> Iterator[tuple[str, str]]:
