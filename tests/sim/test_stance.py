@@ -188,12 +188,12 @@ def test_slanted_gravity_with_which_a_robot_drives_is_not_judged(tmp_path: Path)
 
 def test_a_heavy_body_ahead_is_no_fault_of_the_robot(tmp_path: Path) -> None:
     stage = mobile()
-    body(stage, "/World/Crate", (0.3, 0, 0.2))
+    body(stage, "/World/Crate", (0.6, 0, 0.2))
     crate = UsdGeom.Cube.Define(stage, "/World/Crate/shape")
     crate.CreateSizeAttr(0.4)
     UsdPhysics.CollisionAPI.Apply(crate.GetPrim())
     UsdPhysics.MassAPI.Apply(stage.GetPrimAtPath("/World/Crate")).CreateMassAttr(100.0)
-    check = follows(floor(stage, indices=UP), tmp_path, "0.2,0,1")
+    check = follows(floor(stage, indices=UP), tmp_path, "0.3,0,2")
     assert check.verdict == "not judged"
     assert "Crate of 100 kg stops it" in check.message
 

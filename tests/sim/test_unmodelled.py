@@ -86,7 +86,7 @@ UNPLAYED: dict[str, tuple[Change, str, str]] = {
     "a mimic": (relate(LEFT, MIMIC, f"{JOINTS}/wheel_right_joint"), LEFT, MIMIC),
     "an oval tyre": (
         several(
-            author(TYRE, "xformOp:scale", "Float3", Gf.Vec3f(1.2, 1, 1)),
+            author(TYRE, "xformOp:scale", "Float3", Gf.Vec3f(1.02, 1, 1)),
             author(TYRE, "xformOpOrder", "TokenArray", ["xformOp:scale"]),
         ),
         TYRE,

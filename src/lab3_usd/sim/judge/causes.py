@@ -284,8 +284,6 @@ def _of_robot(robot: Machine) -> Iterator[Cause]:
     """Yield the causes that keep a robot from following its commands."""
     base = robot.base
     yield from _of_stand(robot)
-    if robot.smooth:
-        yield Cause(robot.smooth, "it has no friction on the ground", "no-grip")
     if not robot.wheels:
         yield Cause(base, "no wheel of the robot touches the ground", "no-wheel-contact")
     for wheel in robot.wheels:
@@ -314,6 +312,8 @@ def _of_stand(robot: Machine) -> Iterator[Cause]:
         yield Cause(path, f"it {why}, so that the robot falls", "no-ground")
     if not robot.grounded:
         yield Cause(base, "no ground is below the robot", "no-ground")
+    if robot.smooth:
+        yield Cause(robot.smooth, "it has no friction on the ground", "no-grip")
     if robot.falls:
         text = "nothing carries its centre of mass: it tips over"
         yield Cause(base, text, "tips-over")

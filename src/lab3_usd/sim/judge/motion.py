@@ -67,7 +67,11 @@ def follows(trial: Trial) -> Iterator[RunFault]:
     if not any(leg.command and any(leg.command[::2]) for leg in trial.drive[0].legs):
         return
     if trial.never_moves():
-        yield trial.motion_fault("does not move", "does-not-move")
+        blocked = next((pose.blocked for pose in trial.recording.path if pose.blocked), "")
+        if blocked:
+            yield RunFault(f"does not move: {blocked} is in the way", "wall-ahead", sure=False)
+        else:
+            yield trial.motion_fault("does not move", "does-not-move")
         return
     for names in (("ahead", "back"), ("left", "right"), ("arc",)):
         yield from islice(_faults(trial, *names), 1)
