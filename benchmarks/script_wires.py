@@ -23,7 +23,7 @@ from pxr import Sdf, Usd
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.model.finding import Finding
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
 TAGS = {"5.0": "v5.0.0", "5.1": "v5.1.0", "6.0": "v6.0.1"}
@@ -164,7 +164,7 @@ def judge(wires: list[Wire], release: str) -> Iterator[tuple[Wire, Finding]]:
         target.AddConnection(source.GetPath())
     platform = lint_platform(release)
     model = read_model(stage, platform, "stage.usda")
-    results = lint(LintSubject(model)).results
+    results = lint(LintSubject(model))
     for finding in results.findings:
         if finding.rule in RULES:
             number = int(finding.prim.split("/")[1].removeprefix("Graph_"))

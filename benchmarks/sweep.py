@@ -21,7 +21,8 @@ from pxr import Sdf
 from sabotage import Fault, graph_faults
 from scene_sabotage import scene_sabotage
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import LAB_VARIABLE, own_lab
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import StageModel
@@ -40,7 +41,7 @@ class Outcome:
 
     fault: Fault
     stage: StageModel
-    judged: Judgement
+    judged: RuleResults
 
     @property
     def told(self) -> tuple[Finding, ...]:

@@ -34,7 +34,7 @@ from scene_changes import ROBOT
 from sensor_stages import CASES, with_values
 
 from lab3_usd.isaac.sensor_models import LongList
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.stage.read.native import native_errors

@@ -37,7 +37,7 @@ from lab3_usd.model.changes import (
     repair_by,
 )
 from lab3_usd.model.finding import Problem
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.reader import read_model
 from lab3_usd.yaml_file import read_yaml, record
@@ -83,7 +83,7 @@ class RuleCase(Struct, frozen=True):
         try:
             repair_open_stage(repair_by(self.edits), stage)
             model = read_model(stage, lint_platform(), str(self.stage))
-            results = lint(Subject(model)).results
+            results = lint(Subject(model))
         finally:
             stage.Reload()  # the layers are shared by all who open them
         for crash in results.crashes:

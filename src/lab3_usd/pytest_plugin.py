@@ -151,7 +151,7 @@ class UnimportedModule(pytest.Module):
 
 def _builds_graphs(script: Path) -> bool:
     """Whether a script may build graphs; one that does not is no test."""
-    from lab3_usd.pipeline.lint import lint_platform
+    from lab3_usd.pipeline.any_stage import lint_platform
     from lab3_usd.scripts.sources import may_build
 
     return may_build(script, lint_platform().building.module)
@@ -193,9 +193,9 @@ class LintedFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield the one test."""
-        from lab3_usd.pipeline.lint import LintSettings, lint_stage
+        from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 
-        result = lint_stage(self.path, LintSettings(heeds_ignores=True))
+        result = lint_stage(self.path, JudgeSettings(heeds_ignores=True))
         if result.is_beside_the_point:
             return
         item = NoFaultsItem.from_parent(self, name="lint")
@@ -208,8 +208,9 @@ class CheckpointFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield a test for each requirement, and one for faults that belong to none."""
-        from lab3_usd.pipeline.entries import JudgeSettings, judge_entry
+        from lab3_usd.pipeline.entries import judge
         from lab3_usd.pipeline.results import Target
+        from lab3_usd.pipeline.stage import JudgeSettings
 
         configuration = _configuration(self.config, "--lab3", self.path)
         settings = JudgeSettings(heeds_ignores=True)
@@ -220,7 +221,7 @@ class CheckpointFile(pytest.File):
                 starter=configuration.starter,
                 maps=configuration.maps,
             )
-        (result,), _ = judge_entry(settings, Target(str(self.path)))
+        (result,), _ = judge(settings, Target(str(self.path)))
         for requirement in result.requirements:
             item = RequirementItem.from_parent(self, name=requirement.id)
             item.requirement, item.result = requirement, result

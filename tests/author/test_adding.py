@@ -15,7 +15,7 @@ from lab3_usd.author.adding import Added, AddOptions, add_graphs
 from lab3_usd.author.request import Options, Request
 from lab3_usd.errors import AmbiguousError, UsageError
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 
 def add(

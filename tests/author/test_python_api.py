@@ -11,7 +11,7 @@ from bare_robots import ROVER, add_rover, new_stage, rover_at
 from pxr import Usd
 
 from lab3_usd import AmbiguousError, GraphError, NewFindingsError, Stage, UsageError
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 
 def test_a_graph_made_by_hand_runs_and_lints(tmp_path: Path) -> None:

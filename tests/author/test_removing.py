@@ -15,7 +15,7 @@ from lab3_usd.author.removing import remove_graph
 from lab3_usd.author.request import Options, Request
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
 

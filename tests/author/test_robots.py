@@ -19,7 +19,7 @@ from invoking import invoke
 from pxr import Gf, UsdGeom, UsdPhysics
 
 from lab3_usd.facts.robots import Robot, robots
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.read.reader import read_stage
 
 

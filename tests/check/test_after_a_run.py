@@ -21,7 +21,8 @@ from scene_changes import (
 )
 from scene_stages import built, findings_of, told
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.finding import Finding
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import quiet
@@ -56,7 +57,7 @@ def notes(stage: Usd.Stage, checkpoint: str) -> list[Finding]:
     return [finding for finding in findings_of(stage, checkpoint) if finding.rule == "S22"]
 
 
-def judged(stage: Usd.Stage, checkpoint: str) -> Judgement:
+def judged(stage: Usd.Stage, checkpoint: str) -> RuleResults:
     lab = load_lab()
     with quiet():
         return judge(

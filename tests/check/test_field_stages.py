@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 FOUND = {
     "w03_radius_missing_sensor": {("K64", "/World/Drive/diff")},

@@ -26,7 +26,8 @@ from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import all_rules
 from lab3_usd.model.finding import Report
-from lab3_usd.pipeline.lint import lint_platform, lint_stage
+from lab3_usd.pipeline.any_stage import lint_platform
+from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.formats.registry import render
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.robots import expected_of

@@ -7,7 +7,8 @@ from breaking import Step, broken, the_lab
 from breaking import judged as judged_alone
 from pxr import Usd, UsdGeom
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.stage import StageModel
 from lab3_usd.stage.read.reader import read_model
 
@@ -31,7 +32,7 @@ def stage() -> Usd.Stage:
     return made
 
 
-def judged_at(checkpoint: str, model: StageModel) -> Judgement:
+def judged_at(checkpoint: str, model: StageModel) -> RuleResults:
     lab = the_lab()
     return judge(lab, lab.checkpoints[checkpoint], model)
 

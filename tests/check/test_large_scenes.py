@@ -15,7 +15,7 @@ import pytest
 from pxr import Sdf, Usd
 
 from lab3_usd.check.checker import judge
-from lab3_usd.pipeline.lint import lint_open_stage
+from lab3_usd.pipeline.stage import judge_open_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.write.builder import build_checkpoint
@@ -44,7 +44,7 @@ GROUPS = {
 }
 COMMANDS: dict[str, Callable[[Usd.Stage], object]] = {
     "check": lambda stage: judge(LAB, CHECKPOINT, read_model(stage, LAB.platform, "stage")),
-    "lint": lint_open_stage,
+    "lint": judge_open_stage,
 }
 
 

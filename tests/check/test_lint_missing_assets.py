@@ -13,7 +13,7 @@ from pxr import Sdf, Usd
 from splines_noted import copy_of
 
 from lab3_usd.model.finding import NodeCoverage, StageResult
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 CLOCK = {"tick": TICK, "clock": ("ros.ROS2PublishClock", {})}
 RUNS = ["tick.tick -> clock.execIn"]

@@ -8,7 +8,7 @@ import pytest
 from foreign_robots import CONTEXT, TICK, TIME, empty_stage, write_graph
 from pxr import Sdf, Usd
 
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 GRAPH = "/World/Robot/Graph"
 NODES = {"tick": TICK, "time": TIME, "context": CONTEXT, "clock": ("ros.ROS2PublishClock", {})}

@@ -19,7 +19,8 @@ from second_author import MIXED, STYLES, author_lab
 
 from lab3_usd import build_checkpoint
 from lab3_usd.facts.endpoints import endpoints
-from lab3_usd.pipeline.lint import lint_platform, lint_stage
+from lab3_usd.pipeline.any_stage import lint_platform
+from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.entries import site
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.reader import read_model

@@ -7,7 +7,7 @@ from types import FrameType
 from foreign_robots import rover
 from pxr import Sdf, Usd
 
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 SIZES = (2, 4, 6)
 

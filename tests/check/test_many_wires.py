@@ -9,7 +9,7 @@ import pytest
 from places import REPOSITORY
 from pxr import Sdf
 
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 ROBOT = REPOSITORY / "docs" / "examples" / "carter.usda"
 INPUT = "/World/Carter/differential_drive/ros2_subscribe_twist.inputs:execIn"

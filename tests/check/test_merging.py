@@ -16,8 +16,8 @@ from plain_graphs import (
     without_nodes,
 )
 
-from lab3_usd.check.checker import Judgement
 from lab3_usd.check.match.graphs import match_all
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 
@@ -61,7 +61,7 @@ def stage_with(graph: GraphModel, *names: str) -> StageModel:
     return replace(correct_model(), graphs=(*kept, graph))
 
 
-def told(found: Judgement) -> list[tuple[str, str]]:
+def told(found: RuleResults) -> list[tuple[str, str]]:
     return [
         (finding.rule, finding.prim) for finding in found.findings if finding.severity != "note"
     ]

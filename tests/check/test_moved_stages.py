@@ -14,7 +14,7 @@ from pxr import Sdf, Usd
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.saved_releases import saved_by
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_linted
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
 TIME, CLOCK, GRAPH = "/World/Clock/time", "/World/Clock/clock", "/World/Clock"

@@ -23,7 +23,7 @@ from lab3_usd.check.rule_runs import run_family
 from lab3_usd.check.rules.native import OTHER, VALIDATORS, rule_of
 from lab3_usd.errors import UsageError
 from lab3_usd.model.native import FAMILY, NativeError, NativeErrors
-from lab3_usd.pipeline.lint import LintSettings, lint_stage
+from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 from lab3_usd.stage.read.native import native_errors
 
 EXAMPLE = TESTS.parent / "docs" / "examples" / "carter.usda"
@@ -32,7 +32,7 @@ FAULTS: dict[str, dict[str, Any]] = quick_yaml.load(
 )
 HEADER = ('defaultPrim = "World"', "metersPerUnit = 1", 'upAxis = "Z"')
 KNOWN = {each.name for each in UsdValidation.ValidationRegistry().GetAllValidatorMetadata()}
-NATIVE = LintSettings(native=True)
+NATIVE = JudgeSettings(native=True)
 SPHERE = '    def Sphere "shape" (prepend apiSchemas = ["PhysicsCollisionAPI"])'
 SCALE = """
     {

@@ -37,13 +37,12 @@ from scene_changes import (
 )
 from scene_stages import built, model_of, told_after
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
 from lab3_usd.check.registry import Rule
-from lab3_usd.check.rule_runs import run_rule
+from lab3_usd.check.rule_runs import RuleResults, run_rule
 from lab3_usd.model.finding import NotJudged, Problem, Report, Requirement, StageResult
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
-from lab3_usd.pipeline.lint import lint_stage
-from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage, lint_stage
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
 from lab3_usd.spec.load.loader import load_lab
@@ -53,7 +52,7 @@ MISSING = UnresolvedAsset("/World/robot", "robot.usd", "reference")
 OPEN = NotJudged("T01", "/World/robot/base_link", None, "robot.usd")
 
 
-def judged(stage: Usd.Stage) -> Judgement:
+def judged(stage: Usd.Stage) -> RuleResults:
     lab = load_lab()
     judgement = judge(lab, lab.checkpoints["05"], model_of(stage))
     assert not judgement.crashes

@@ -6,7 +6,8 @@ import pytest
 from pxr import Sdf, Usd
 from scene_stages import built, model_of
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.spec.load.loader import load_lab
 
 ROBOT = "/turtlebot3_burger"
@@ -23,18 +24,18 @@ def dragged(*moves: tuple[str, str], checkpoint: str = "05") -> Usd.Stage:
     return stage
 
 
-def judged(stage: Usd.Stage, checkpoint: str = "05") -> Judgement:
+def judged(stage: Usd.Stage, checkpoint: str = "05") -> RuleResults:
     lab = load_lab()
     found = judge(lab, lab.checkpoints[checkpoint], model_of(stage))
     assert not found.crashes
     return found
 
 
-def told(found: Judgement) -> list[tuple[str, str, str | None]]:
+def told(found: RuleResults) -> list[tuple[str, str, str | None]]:
     return [(f.rule, f.prim, f.actual) for f in found.findings if f.severity != "note"]
 
 
-def lost(found: Judgement) -> set[str]:
+def lost(found: RuleResults) -> set[str]:
     return {requirement.id for requirement in found.requirements if not requirement.met}
 
 
@@ -95,7 +96,7 @@ def test_a_sensor_that_left_a_robot_elsewhere_is_a_second_mistake() -> None:
 ON_ROBOT = ("ROS_Drive", "ROS_Lidar2D", "ROS_Camera", "ROS_OdomTF")
 
 
-def only(found: Judgement, rule: str) -> str:
+def only(found: RuleResults, rule: str) -> str:
     (message,) = [finding.message for finding in found.findings if finding.rule == rule]
     return message
 

@@ -15,7 +15,7 @@ from breaking import broken, judged, place, the_lab
 from golden import assert_golden, findings_text
 from places import TESTS
 
-from lab3_usd.check.checker import Judgement
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.finding import Finding, ordered
 
 FOLDER = TESTS / "cases"
@@ -65,11 +65,11 @@ def _id(case: Case) -> str:
 
 
 @cache
-def _judged(case: Case) -> Judgement:
+def _judged(case: Case) -> RuleResults:
     return judged(broken(case.checkpoint, case.steps), case.checkpoint)
 
 
-def _said(judgement: Judgement, *severities: str) -> list[str]:
+def _said(judgement: RuleResults, *severities: str) -> list[str]:
     findings = ordered(finding for finding in judgement.findings if finding.severity in severities)
     return sorted(
         f"{finding.rule} {finding.prim} {finding.property or ''}".strip() for finding in findings

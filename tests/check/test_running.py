@@ -17,7 +17,7 @@ from lab3_usd.isaac.releases import BASE
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 
 TICK = "omni.graph.action.OnPlaybackTick"
 STEP = "isaacsim.core.nodes.OnPhysicsStep"

@@ -27,7 +27,8 @@ from scene_changes import (
     without_api,
 )
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, Restore
@@ -76,14 +77,14 @@ def starter() -> Sdf.Layer:
     return starter_layer(data_folder("graphs"))
 
 
-Judge = Callable[..., Judgement]
+Judge = Callable[..., RuleResults]
 
 
 @pytest.fixture
 def judged(lab: Lab, starter: Sdf.Layer) -> Judge:
     """Judge a stage with all sensors of a checkpoint, after some changes."""
 
-    def after(checkpoint: str, *changes: Change) -> Judgement:
+    def after(checkpoint: str, *changes: Change) -> RuleResults:
         layer = Sdf.Layer.CreateAnonymous(".usda")
         layer.TransferContent(starter)
         for name in lab.checkpoints[checkpoint].sensors:
@@ -100,7 +101,7 @@ def judged(lab: Lab, starter: Sdf.Layer) -> Judge:
     return after
 
 
-def about_sensors(found: Judgement) -> list[str]:
+def about_sensors(found: RuleResults) -> list[str]:
     """The findings about sensors, as rule and prim."""
     return [
         f"{finding.rule} {finding.prim}"
@@ -109,7 +110,7 @@ def about_sensors(found: Judgement) -> list[str]:
     ]
 
 
-def unmet(found: Judgement) -> set[str]:
+def unmet(found: RuleResults) -> set[str]:
     groups = ("Imu", "Lidar2D", "LidarBack", "Camera_1")
     return {
         requirement.id

@@ -31,9 +31,10 @@ from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.model.finding import Report, StageResult
 from lab3_usd.pipeline import folder, processes
-from lab3_usd.pipeline.entries import JudgeSettings, crashed_entry
+from lab3_usd.pipeline.entries import crashed_target
 from lab3_usd.pipeline.processes import in_processes
 from lab3_usd.pipeline.results import Target
+from lab3_usd.pipeline.stage import JudgeSettings
 from lab3_usd.report.formats.registry import FORMATS, render
 from lab3_usd.spec.lab import Lab
 
@@ -148,7 +149,7 @@ def test_a_file_that_ends_its_process_is_a_crash_and_costs_no_other_its_result(
 @pytest.mark.parametrize("form", FORMATS)
 def test_every_format_tells_of_a_crash(form: str) -> None:
     entries = (Target(CLOCK, is_submission=False), Target("ana", is_submission=True))
-    crashed = [crashed_entry(JudgeSettings(), entry, "SIGSEGV") for entry in entries]
+    crashed = [crashed_target(JudgeSettings(), entry, "SIGSEGV") for entry in entries]
     report = Report(crashed[0][0], crashed[1][1])
     assert render(form, report, all_rules()).count("SIGSEGV") >= 2
 
@@ -171,10 +172,7 @@ def test_a_file_over_which_the_program_fails_costs_no_other_its_result(
     stages: list[Path], monkeypatch: pytest.MonkeyPatch, command: str
 ) -> None:
     odd, others = stages[0], stages[1:]
-    module, name = {
-        "check": ("lab3_usd.pipeline.entries", "check_stage"),
-        "lint": ("lab3_usd.pipeline.lint", "lint_stage"),
-    }[command]
+    module, name = "lab3_usd.pipeline.entries", "judge_stage"
     usual = getattr(importlib.import_module(module), name)
 
     def fail(path: str, *rest: object) -> StageResult:
@@ -198,14 +196,14 @@ def test_a_file_over_which_the_program_fails_costs_no_other_its_result(
 def test_a_stage_over_which_the_program_fails_costs_a_submission_nothing_else(
     submissions: list[Path], monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    usual = folder.check_stage
+    usual = folder.judge_stage
 
-    def fail(path: str, number: str, lab: Lab) -> StageResult:
-        if number == "01":
+    def fail(path: str, settings: JudgeSettings, at: tuple[Lab, str]) -> StageResult:
+        if at[1] == "01":
             raise KeyError("x")
-        return usual(path, number, lab)
+        return usual(path, settings, at)
 
-    monkeypatch.setattr(folder, "check_stage", fail)
+    monkeypatch.setattr(folder, "judge_stage", fail)
     done = check("--format", "json", submissions[1])
     assert done.exit_code == 3
     report = json.loads(done.stdout)

@@ -14,7 +14,7 @@ from in_process import lab3
 from pxr import Usd
 from report_schema import assert_valid
 
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.formats.registry import FORMATS
 
 STAMP = "/World/Clock/clock.inputs:timeStamp"

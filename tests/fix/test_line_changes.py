@@ -11,7 +11,7 @@ from robot_kinds import faulty_fleet
 from lab3_usd.fix import line_changes
 from lab3_usd.fix.line_changes import Changes, text_changes
 from lab3_usd.model.finding import Report
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.spec.load.loader import load_lab
 
 

@@ -19,7 +19,7 @@ from places import REPOSITORY
 from lab3_usd.errors import NoRoomError, UsageError
 from lab3_usd.fix.repairing import FixOptions, fix_linted
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 CLOCK, LIDAR, HELPER = "/World/Clock/clock", "/World/Lidar/helper", "/World/Camera/helper"
 ODOMETRY = "/World/Odometry/odometry"

@@ -19,8 +19,7 @@ from menu_graphs import MENUS, with_menus
 from places import REPOSITORY, TESTS
 from pxr import Sdf, Usd
 
-from lab3_usd.pipeline.lint import lint_open_stage, lint_stage
-from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage, judge_open_stage, lint_stage
 from lab3_usd.plugins import findings as adapter
 from lab3_usd.plugins import nvidia
 
@@ -126,7 +125,7 @@ def test_a_stage_that_is_open_elsewhere_stays_as_it_is() -> None:
     stage = Usd.Stage.Open(str(EXAMPLE))
     stage.GetPrimAtPath("/World").CreateAttribute("size", Sdf.ValueTypeNames.Double).Set(1.0, 5.0)
     before = stage.GetSessionLayer().ExportToString()
-    lint_open_stage(stage)
+    judge_open_stage(stage)
     assert stage.GetSessionLayer().ExportToString() == before
 
 
@@ -228,6 +227,6 @@ def test_without_a_validator_the_plugin_says_so(monkeypatch: pytest.MonkeyPatch)
 
 
 def test_the_program_imports_no_validator() -> None:
-    code = "import sys, lab3_usd.pipeline.lint; print([m for m in sys.modules if 'plugins' in m])"
+    code = "import sys, lab3_usd.pipeline.stage; print([m for m in sys.modules if 'plugins' in m])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert "lab3_usd.plugins" not in done.stdout

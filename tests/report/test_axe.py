@@ -17,7 +17,7 @@ from lab3_usd.grade.gradebook import HTML, write_reports
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.scoring import grade
 from lab3_usd.model.finding import Report
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 axe = pytest.importorskip("axe_selenium_python", reason="axe-selenium-python is not installed")
 

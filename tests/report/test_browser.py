@@ -24,7 +24,7 @@ from lab3_usd.grade.gradebook import HTML, write_reports
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.scoring import grade
 from lab3_usd.model.finding import Report
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.formats.registry import render
 
 ATTACKS = (

@@ -49,7 +49,7 @@ from report_examples import (
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.model.finding import Report
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.entries import plural, summarize
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html.pictures import _view

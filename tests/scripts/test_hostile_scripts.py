@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 
 from lab3_usd.model.finding import StageResult
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 
 HEAD = "import omni.graph.core as og\n"
 EDIT = (

@@ -9,7 +9,7 @@ import pytest
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.model.finding import StageResult
-from lab3_usd.pipeline.lint import LintSettings, lint_stage
+from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 
 CASES = sorted((Path(__file__).parent.parent / "script_cases").glob("*.txt"))
 EXPECTED = re.compile(r"# expect: ([A-Z]\d\d)")
@@ -23,7 +23,7 @@ def expected(text: str) -> list[tuple[str, int]]:
 def lint(text: str, folder: Path) -> StageResult:
     script = folder / "script.py"
     script.write_text(text, encoding="utf-8")
-    return lint_stage(script, LintSettings(heeds_ignores=True))
+    return lint_stage(script, JudgeSettings(heeds_ignores=True))
 
 
 @pytest.mark.parametrize("case", CASES, ids=[case.stem for case in CASES])

@@ -11,7 +11,7 @@ from in_process import lab3
 from report_schema import assert_valid
 from scripted import as_script
 
-from lab3_usd.pipeline.lint import LintSettings, lint_stage
+from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 from lab3_usd.report.formats.registry import FORMATS
 
 RIGHT = (Path(__file__).parent.parent / "script_cases" / "clock_right.txt").read_text("utf-8")
@@ -26,7 +26,7 @@ def script(folder: Path, text: str, name: str = "robot.py") -> Path:
 
 
 def rules(path: Path, **settings: object) -> list[str]:
-    found = lint_stage(path, LintSettings(heeds_ignores=True, **settings)).findings  # type: ignore[arg-type]
+    found = lint_stage(path, JudgeSettings(heeds_ignores=True, **settings)).findings  # type: ignore[arg-type]
     return sorted(f"{f.rule} {f.line}" for f in found if f.severity != "note")
 
 
@@ -172,7 +172,7 @@ def test_a_graph_written_as_a_script_is_judged_as_in_a_stage(tmp_path: Path) -> 
     file = tmp_path / "rover.usda"
     rover().GetRootLayer().Export(str(file))
     path, scene = as_script(file, tmp_path)
-    assert lint_stage(path, LintSettings(scene=str(scene))).findings == ()
+    assert lint_stage(path, JudgeSettings(scene=str(scene))).findings == ()
     assert (
         lab3("tf", path, "--stage", scene).stdout.splitlines()[1:]
         == (lab3("tf", file).stdout.splitlines()[1:])

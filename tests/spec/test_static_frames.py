@@ -16,8 +16,7 @@ from places import REPOSITORY
 from pxr import Usd
 
 from lab3_usd.new_lab.lab import describe_lab
-from lab3_usd.pipeline.lint import lint_stage
-from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage, lint_stage
 from lab3_usd.spec.load.loader import load_lab, load_platform
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"

@@ -14,9 +14,8 @@ from pxr import Sdf, Usd
 from lab3_usd.errors import StageError
 from lab3_usd.model.folder import Listing
 from lab3_usd.pipeline.folder import find_starters
-from lab3_usd.pipeline.lint import lint_stage
 from lab3_usd.pipeline.results import unreadable
-from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.stage import check_stage, lint_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import check_file, open_stage
 from lab3_usd.stage.read.reader import read_stage

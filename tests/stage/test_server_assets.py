@@ -12,7 +12,7 @@ from pxr import Sdf, Usd
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding
-from lab3_usd.pipeline.lint import lint_stage
+from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.server_assets import SEARCH_PATH, assets_at
 

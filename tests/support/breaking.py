@@ -15,7 +15,8 @@ from typing import Any
 from pxr import Sdf, Ts, Usd
 from splines_noted import copy_of
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.reader import read_model
@@ -48,7 +49,7 @@ def correct_stage(checkpoint: str) -> Usd.Stage:
     return copied(built(checkpoint))
 
 
-def judged(stage: Usd.Stage, checkpoint: str) -> Judgement:
+def judged(stage: Usd.Stage, checkpoint: str) -> RuleResults:
     lab = the_lab()
     return judge(lab, lab.checkpoints[checkpoint], read_model(stage, lab.platform, "stage.usda"))
 

@@ -23,8 +23,9 @@ from sabotage import Fault, graph_faults
 from scene_sabotage import scene_sabotage
 from second_author import Style, author_lab
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
 from lab3_usd.check.match.graphs import match_all
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.fix import repairing
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_stage
 from lab3_usd.fix.source_tree import ROOT, read_blocks
@@ -385,7 +386,7 @@ def judged_also(others: Iterable[str]) -> Iterator[set[str]]:
     """
     same = set(others)
 
-    def judge_also(lab: Lab, spec: Checkpoint, model: StageModel) -> Judgement:
+    def judge_also(lab: Lab, spec: Checkpoint, model: StageModel) -> RuleResults:
         judged = judge(lab, spec, model)
         for other in sorted(same):
             there = judge(lab, lab.checkpoints[other], model)

@@ -10,15 +10,16 @@ from unittest.mock import patch
 
 from pxr import Usd
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
 from lab3_usd.check.registry import all_rules
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.fix import repairing
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.stage.read.reader import read_model
 
 _USUAL = tuple(all_rules())
-_KNOWN: dict[tuple[str, str], tuple[Lab, Judgement]] = {}
+_KNOWN: dict[tuple[str, str], tuple[Lab, RuleResults]] = {}
 
 
 @contextmanager
@@ -38,7 +39,7 @@ class _Unread:
         return read_model(self.stage, self.platform, self.name)
 
 
-def _judged(lab: Lab, checkpoint: Checkpoint, unread: _Unread) -> Judgement:
+def _judged(lab: Lab, checkpoint: Checkpoint, unread: _Unread) -> RuleResults:
     content = _content(unread.stage) if tuple(all_rules()) == _USUAL else ""
     if not content:
         return judge(lab, checkpoint, unread.read())

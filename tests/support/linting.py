@@ -11,13 +11,13 @@ from robot_kinds import KINDS
 from lab3_usd.check.lint import lint
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import RuleResults, run_rule
-from lab3_usd.pipeline.lint import lint_platform, lint_subject
+from lab3_usd.pipeline.any_stage import lint_platform, lint_subject
 from lab3_usd.stage.read.reader import read_model
 
 
 def linted(stage: Usd.Stage, release: str = "6.0", moved_from: str = "") -> RuleResults:
     model = read_model(stage, lint_platform(release), "stage.usda")
-    return lint(lint_subject(model, moved_from)).results
+    return lint(lint_subject(model, moved_from))
 
 
 def found_by(

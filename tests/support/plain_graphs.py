@@ -9,7 +9,8 @@ from functools import cache
 from breaking import correct_stage, the_lab
 from msgspec.structs import replace
 
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
+from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.finding import Finding, ordered
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.stage.read.reader import read_model
@@ -31,7 +32,7 @@ def with_graphs(*graphs: GraphModel, base: StageModel | None = None) -> StageMod
     return replace(stage, graphs=tuple(changed.get(each.path, each) for each in stage.graphs))
 
 
-def judged_model(stage: StageModel, checkpoint: str = "05") -> Judgement:
+def judged_model(stage: StageModel, checkpoint: str = "05") -> RuleResults:
     return judge(the_lab(), the_lab().checkpoints[checkpoint], stage)
 
 

@@ -12,7 +12,7 @@ from lab3_usd.errors import StageError
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_linted, fix_stage
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import site_of
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.sim.effects import effects_of
 from lab3_usd.stage.read.opening import open_stage
 

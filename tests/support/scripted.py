@@ -7,7 +7,7 @@ from pathlib import Path
 from pxr import Usd
 
 from lab3_usd.model.stage import GraphModel, Node, PortState
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.read.reader import read_stage
 
 EVALUATOR, STAGE = "evaluator:type", "pipelineStage"

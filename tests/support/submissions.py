@@ -26,7 +26,7 @@ from lab3_usd.model.folder import Agreement, Listing, MapSubject, NavigationSubj
 from lab3_usd.pipeline import deliverables as folder_checks
 from lab3_usd.pipeline import folder as pipeline_folder
 from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder, find_starters
-from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.stage import JudgeSettings, check_stage, judge_stage
 from lab3_usd.pipeline.starter_comparison import Starter, against_starter, open_starter
 from lab3_usd.spec.lab import FrameSpec, Lab
 from lab3_usd.spec.load.lab import load_ros, load_submission
@@ -104,8 +104,7 @@ def checked(folder: Path, **settings: object) -> FolderResult:
         patch.multiple(
             pipeline_folder,
             find_starters=_find_once,
-            check_stage=_check_once,
-            against_starter=_compare_once,
+            judge_stage=_judge_once,
         ),
         patch.multiple(
             folder_checks,
@@ -125,19 +124,15 @@ def _find_once(folder: Path, listing: Listing, supplied: Path | Starter | None, 
     return _built_starters(listing.starter)
 
 
-def _check_once(path: str, number: str, lab: Lab) -> StageResult:
-    if not _is_as_built(Path(path), stage_name(number)):
-        return check_stage(path, number, lab)
-    return replace(_built_result(number), path=path)
-
-
-def _compare_once(result: StageResult, starter: Starter, lab: Lab) -> StageResult:
-    number = result.checkpoint or ""
-    if starter.faults or not (
-        _is_as_built(Path(result.path), stage_name(number)) and _is_as_built(starter.path, STARTER)
-    ):
-        return against_starter(result, starter, lab)
-    return replace(_built_beside_starter(number), path=result.path)
+def _judge_once(path: str, settings: JudgeSettings, at: tuple[Lab, str]) -> StageResult:
+    starter, number = settings.starter, at[1]
+    if not _is_as_built(Path(path), stage_name(number)) or settings.native:
+        return judge_stage(path, settings, at)
+    if starter is None:
+        return replace(_built_result(number), path=path)
+    if isinstance(starter, Path) or starter.faults or not _is_as_built(starter.path, STARTER):
+        return judge_stage(path, settings, at)
+    return replace(_built_beside_starter(number), path=path)
 
 
 def _agree_once(stage: Path, image: Path, facts: MapFacts, lab: Lab) -> tuple[Agreement, ...]:

@@ -30,8 +30,8 @@ from lab3_usd.grade.workers.messages import Json, PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import GradingSetup
 from lab3_usd.model.finding import StageResult
 from lab3_usd.pipeline import folder as pipeline_folder
-from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter_comparison import Starter, against_starter
+from lab3_usd.pipeline.stage import JudgeSettings, judge_stage
+from lab3_usd.pipeline.starter_comparison import Starter
 from lab3_usd.spec.lab import Lab
 
 GRADE = submission_grading.grade_staged
@@ -55,7 +55,7 @@ def graded_here(settings: ClassSettings) -> Rows:
 def workers_here() -> Iterator[None]:
     """Let this process do what workers do."""
     parts = {"start_worker": _start, "ask": _ask, "end_worker": _end}
-    judging = {"check_stage": _check_once, "against_starter": _compare_once}
+    judging = {"judge_stage": _judge_once}
     with patch.multiple(pool, **parts), patch.multiple(pipeline_folder, **judging):
         yield
 
@@ -121,25 +121,17 @@ def _end(worker: WorkerHere) -> None:
     shutil.rmtree(worker.scratch)
 
 
-_CHECKED: dict[str, StageResult] = {}
-_COMPARED: dict[str, StageResult] = {}
+_JUDGED: dict[tuple[str, Path | None], StageResult] = {}
 
 
-def _check_once(path: str, number: str, lab: Lab) -> StageResult:
-    if not _is_right(path, number):
-        return check_stage(path, number, lab)
-    if number not in _CHECKED:
-        _CHECKED[number] = check_stage(path, number, lab)
-    return replace(_CHECKED[number], path=path)
-
-
-def _compare_once(result: StageResult, starter: Starter, lab: Lab) -> StageResult:
-    number = result.checkpoint or ""
-    if starter.path != mini_lab.starter() or not _is_right(result.path, number):
-        return against_starter(result, starter, lab)
-    if number not in _COMPARED:
-        _COMPARED[number] = against_starter(result, starter, lab)
-    return replace(_COMPARED[number], path=result.path)
+def _judge_once(path: str, settings: JudgeSettings, at: tuple[Lab, str]) -> StageResult:
+    starter = settings.starter.path if isinstance(settings.starter, Starter) else None
+    if starter not in {None, mini_lab.starter()} or not _is_right(path, at[1]):
+        return judge_stage(path, settings, at)
+    key = at[1], starter
+    if key not in _JUDGED:
+        _JUDGED[key] = judge_stage(path, settings, at)
+    return replace(_JUDGED[key], path=path)
 
 
 def _is_right(path: str, number: str) -> bool:

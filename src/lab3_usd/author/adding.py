@@ -29,7 +29,7 @@ from lab3_usd.model.changes import DropPrim, Retarget, WriteGraph
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import StageModel
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.edit.added import added_prims
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values

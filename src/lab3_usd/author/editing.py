@@ -19,7 +19,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Edit
 from lab3_usd.model.finding import Finding, ordered
 from lab3_usd.model.stage import StageModel
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
@@ -74,7 +74,7 @@ class Editing(Struct, eq=False):
         Raises:
             StageError: a rule failed.
         """
-        results = lint(LintSubject(self.model)).results
+        results = lint(LintSubject(self.model))
         if results.crashes:
             crash = results.crashes[0]
             raise StageError(f"{self.path}: rule {crash.rule} failed: {crash.error}")

@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
-from typing import Any
+from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct, field
 
@@ -13,7 +12,7 @@ from lab3_usd.check.match.diagnosis import diagnose
 from lab3_usd.check.match.graphs import match_all
 from lab3_usd.check.match.rule_inputs import GraphSubject, JudgedStage, LintSubject, StageSubject
 from lab3_usd.check.message_suffixes import with_named_nodes
-from lab3_usd.check.registry import Rule, import_rules, own_rules, rules_of
+from lab3_usd.check.registry import import_rules, own_rules, rules_of
 from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
@@ -32,8 +31,8 @@ from lab3_usd.check.robot.location import (
     robot_relocations,
 )
 from lab3_usd.check.robot.sensors import sensor_relocations
-from lab3_usd.check.rule_runs import NOTHING, RuleResults, run_rule
-from lab3_usd.model.finding import Crash, Finding, NotJudged, Requirement
+from lab3_usd.check.rule_runs import RuleResults, run_rules
+from lab3_usd.model.finding import Crash, Finding, NotJudged
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 
@@ -44,70 +43,56 @@ STAGE_FAMILIES = ("F", "S", "L", "C", "D", "T", "Q", "G", "N", "P")
 import_rules(*GRAPH_FAMILIES, *STAGE_FAMILIES)
 
 
-class Judgement(Struct, frozen=True):
-    """The results of the rules for a stage, before findings are given lines."""
-
-    findings: tuple[Finding, ...]
-    requirements: tuple[Requirement, ...]
-    crashes: tuple[Crash, ...]
-    not_judged: tuple[NotJudged, ...] = ()
-    gaps: tuple[str, ...] = ()
-
-
-def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
+def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
     """Run every rule over a stage, which is read as they ask.
 
     Raises:
         StageError: the file turns out to be damaged.
     """
     try:
-        return _judge(lab, checkpoint, stage)
+        lab = lab.at(checkpoint.id)
+        live = {node.path: node for node in stage.nodes()}
+        relocations = robot_relocations(lab, stage)
+        placed = relocated_lab(lab, relocations)
+        at_root = [robot for robot in placed.scene.robots if is_root_articulated(robot, stage)]
+        placed = articulated_at_roots(placed, at_root)
+        subjects = tuple(_graph_subjects(placed, checkpoint, stage, live))
+        run = _Run()
+        run.keep(run_rules(rules_of("graph", *GRAPH_FAMILIES), subjects, lab))
+        whole = StageSubject(
+            lab=placed,
+            checkpoint=checkpoint,
+            stage=stage,
+            roles={subject.spec.name: subject.roles for subject in subjects},
+            relocations=relocations,
+            graphs=subjects,
+        )
+        of_stage = (*rules_of("stage", *STAGE_FAMILIES), *rules_of("robot", *STAGE_FAMILIES))
+        of_stage = (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id))
+        run.keep(run_rules(of_stage, [whole], lab))
+        if checkpoint.frames:
+            run.keep(run_rules(rules_of("frames", *STAGE_FAMILIES), [tf_view(whole)], lab))
+        run.findings[:] = with_unmet(fold(run.findings), whole, lab)
+        requirements = [item for subject in subjects for item in graph_requirements(subject)]
+        requirements += scene_requirements(lab, checkpoint, run.findings)
+        requirements += frame_requirements(whole)
+        requirements = with_named_faults(requirements, run.findings)
+        judged_stage = JudgedStage(whole, tuple(requirements), tuple(run.findings))
+        run.keep(run_rules(rules_of("requirements", *STAGE_FAMILIES), [judged_stage], lab))
+        findings = tuple(with_named_nodes(run.findings, live))
+        graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
+        judged = with_other_faults(judged_stage.requirements, findings, graphs)
+        known = len(run.findings)
+        run.keep(run_rules(own_rules().values(), [LintSubject(stage)], lab))
+        return RuleResults(
+            (*with_costs(findings, subjects, placed), *run.findings[known:]),
+            tuple(run.crashes),
+            tuple(run.not_judged),
+            (*_gaps(placed, stage, run.not_judged), *_nested_nodes(subjects)),
+            requirements=with_unknown(judged, run.left_open, whole, lab),
+        )
     finally:
         stage.judged.clear()  # which holds what the rules were given, and so the stage
-
-
-def _judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> Judgement:
-    lab = lab.at(checkpoint.id)
-    live = {node.path: node for node in stage.nodes()}
-    relocations = robot_relocations(lab, stage)
-    placed = relocated_lab(lab, relocations)
-    at_root = [robot for robot in placed.scene.robots if is_root_articulated(robot, stage)]
-    placed = articulated_at_roots(placed, at_root)
-    subjects = tuple(_graph_subjects(placed, checkpoint, stage, live))
-    run = _Run(lab)
-    run.rules(rules_of("graph", *GRAPH_FAMILIES), subjects)
-    whole = StageSubject(
-        lab=placed,
-        checkpoint=checkpoint,
-        stage=stage,
-        roles={subject.spec.name: subject.roles for subject in subjects},
-        relocations=relocations,
-        graphs=subjects,
-    )
-    of_stage = (*rules_of("stage", *STAGE_FAMILIES), *rules_of("robot", *STAGE_FAMILIES))
-    of_stage = (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id))
-    run.rules(of_stage, [whole])
-    if checkpoint.frames:
-        run.rules(rules_of("frames", *STAGE_FAMILIES), [tf_view(whole)])
-    run.findings[:] = with_unmet(fold(run.findings), whole, lab)
-    requirements = [item for subject in subjects for item in graph_requirements(subject)]
-    requirements += scene_requirements(lab, checkpoint, run.findings)
-    requirements += frame_requirements(whole)
-    requirements = with_named_faults(requirements, run.findings)
-    judged_stage = JudgedStage(whole, tuple(requirements), tuple(run.findings))
-    run.rules(rules_of("requirements", *STAGE_FAMILIES), [judged_stage])
-    findings = tuple(with_named_nodes(run.findings, live))
-    graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
-    judged = with_other_faults(judged_stage.requirements, findings, graphs)
-    known = len(run.findings)
-    run.rules(own_rules().values(), [LintSubject(stage)])
-    return Judgement(
-        (*with_costs(findings, subjects, placed), *run.findings[known:]),
-        with_unknown(judged, run.left_open, whole, lab),
-        tuple(run.crashes),
-        tuple(run.not_judged),
-        (*_gaps(placed, stage, run.not_judged), *_nested_nodes(subjects)),
-    )
 
 
 def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterator[str]:
@@ -142,23 +127,14 @@ def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
 class _Run(Struct, frozen=True):
     """What one run by a lab comes to, in the order in which the rules speak."""
 
-    lab: Lab
     findings: list[Finding] = field(default_factory=list)
     crashes: list[Crash] = field(default_factory=list)
     not_judged: dict[NotJudged, None] = field(default_factory=dict)
     left_open: list[Finding] = field(default_factory=list)
     said: set[tuple[str | None, ...]] = field(default_factory=set)
 
-    def rules(self, rules: Iterable[Rule], subjects: Collection[Any]) -> None:
-        """Run each rule over all subjects."""
-        for rule in rules:
-            for subject in subjects:
-                results = run_rule(rule, subject, self.lab)
-                if results is not NOTHING:
-                    self._keep(results)
-
-    def _keep(self, results: RuleResults) -> None:
-        """Keep what a rule found, once where graphs built in one share a node."""
+    def keep(self, results: RuleResults) -> None:
+        """Keep what rules found, once where graphs built in one share a node."""
         self.crashes.extend(results.crashes)
         self.not_judged.update(dict.fromkeys(results.not_judged))
         self.left_open.extend(results.left_open)

@@ -5,13 +5,12 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator, Mapping
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.fold import fold
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import import_rules, own_rules, rules_of
-from lab3_usd.check.rule_runs import RuleResults, merge_results, run_rule
+from lab3_usd.check.rule_runs import RuleResults, merge_results, run_rules
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.model.finding import NodeCoverage, NotJudged
 from lab3_usd.model.stage import OVER, nodes_outside_graphs
@@ -19,28 +18,20 @@ from lab3_usd.model.stage import OVER, nodes_outside_graphs
 import_rules("F", "K")
 
 
-class LintResults(Struct, frozen=True):
-    """What the rules found, and how many nodes they could judge.
+def lint(subject: LintSubject) -> RuleResults:
+    """Run every rule over a stage, which is read as they ask, and count its nodes.
 
     With a gap and without an error a stage is not judged: it is no pass.
-    """
-
-    results: RuleResults
-    coverage: NodeCoverage
-
-
-def lint(subject: LintSubject) -> LintResults:
-    """Run every rule over a stage, which is read as they ask.
 
     Raises:
         StageError: the file turns out to be damaged.
     """
     try:
-        files = merge_results(run_rule(rule, subject, None) for rule in rules_of("model", "F"))
-        stage = merge_results(run_rule(rule, subject, None) for rule in rules_of("lint", "K"))
-        own = merge_results(run_rule(rule, subject, None) for rule in own_rules().values())
+        files = run_rules(rules_of("model", "F"), (subject,), None)
+        stage = run_rules(rules_of("lint", "K"), (subject,), None)
+        own = run_rules(own_rules().values(), (subject,), None)
         if subject.stage.build is not None:
-            built = merge_results(run_rule(rule, subject, None) for rule in rules_of("script", "B"))
+            built = run_rules(rules_of("script", "B"), (subject,), None)
             stage = merge_results((built, stage))
         stage = merge_results((replace(stage, findings=tuple(fold(stage.findings))), own))
         # What cannot be found leaves the verdict open; whether it should be there is not known.
@@ -49,9 +40,10 @@ def lint(subject: LintSubject) -> LintResults:
         )
         waiting = dict(_waiting(subject))
         unknown = {node.path: node.type_name for node in nodes_of_unknown_type(subject.stage)}
-        return LintResults(
-            replace(merge_results((notes, stage)), gaps=tuple(_gaps(subject, waiting, unknown))),
-            NodeCoverage(
+        return replace(
+            merge_results((notes, stage)),
+            gaps=tuple(_gaps(subject, waiting, unknown)),
+            coverage=NodeCoverage(
                 nodes=len({*subject.live, *waiting}),
                 waiting=Counter(waiting.values()),
                 unknown=Counter(unknown.values()),

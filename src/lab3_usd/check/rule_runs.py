@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import chain
 from typing import TYPE_CHECKING, Any
 
@@ -14,7 +14,14 @@ from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import TF, Rule, Scope, holds_without_lab, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Repair, repair_by
-from lab3_usd.model.finding import Crash, Finding, NotJudged, Problem
+from lab3_usd.model.finding import (
+    Crash,
+    Finding,
+    NodeCoverage,
+    NotJudged,
+    Problem,
+    Requirement,
+)
 from lab3_usd.model.stage import StageModel, once_per_stage
 
 if TYPE_CHECKING:
@@ -25,7 +32,8 @@ class RuleResults(Struct, frozen=True):
     """What rules found, which of them failed themselves, and what they could not judge.
 
     `gaps` are what matters of that, for a whole stage. `left_open` are the findings that rest on a
-    missing asset.
+    missing asset. `requirements` are what a checkpoint asks of a stage, `coverage` counts the
+    nodes of one that is judged without a spec.
     """
 
     findings: tuple[Finding, ...] = ()
@@ -33,48 +41,51 @@ class RuleResults(Struct, frozen=True):
     not_judged: tuple[NotJudged, ...] = ()
     gaps: tuple[str, ...] = ()
     left_open: tuple[Finding, ...] = ()
-
-
-NOTHING = RuleResults()
+    requirements: tuple[Requirement, ...] = ()
+    coverage: NodeCoverage | None = None
 
 
 def run_family(scope: Scope, family: str, subject: Any, lab: Lab | None) -> RuleResults:
     """Run every rule of a family in the order of their ids."""
-    return merge_results(run_rule(rule, subject, lab) for rule in rules_of(scope, family))
+    return run_rules(rules_of(scope, family), (subject,), lab)
 
 
 def run_rule(rule: Rule, subject: Any, lab: Lab | None) -> RuleResults:
-    """Run one rule over its subject; a rule that fails itself is a crash, never a pass.
+    """Run one rule over its subject."""
+    return run_rules((rule,), (subject,), lab)
+
+
+def run_rules(rules: Iterable[Rule], subjects: Collection[Any], lab: Lab | None) -> RuleResults:
+    """Run each rule over all subjects; a rule that fails itself is a crash, never a pass.
 
     A problem that rests on what a missing asset would say is no finding: it is not judged.
-    `lab` gives sections and names for what the rule says; None for a stage of no lab.
+    `lab` gives sections and names for what a rule says; None for a stage of no lab.
 
     Raises:
         StageError: a file turns out to be damaged, which is no fault of the rule.
     """
-    found: list[tuple[Problem, Finding]] = []
-    crashes: tuple[Crash, ...] = ()
-    try:
-        for each in problems_of(rule, subject):
-            problem = _as_judged(each, rule, subject)
-            found.append((problem, finding_of(rule, problem, lab)))
-    except StageError:
-        raise
-    except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
-        crashes = (Crash(rule.id, f"{type(error).__name__}: {error}"),)
-    if not (found or crashes):  # as most rules in most stages
-        return NOTHING
+    findings: list[Finding] = []
+    left_open: list[Finding] = []
+    crashes: list[Crash] = []
     # A site that a rule comes to by several ways is left open once.
-    not_judged = dict.fromkeys(
-        NotJudged(rule.id, problem.prim, problem.property, problem.rests_on.asset)
-        for problem, _ in found
-        if problem.rests_on is not None
-    )
+    not_judged: dict[NotJudged, None] = {}
+    for rule in rules:
+        for subject in subjects:
+            try:
+                for found in problems_of(rule, subject):
+                    problem = _as_judged(found, rule, subject)
+                    asset = problem.rests_on
+                    kept = findings if asset is None else left_open
+                    kept.append(finding_of(rule, problem, lab))
+                    if asset is not None:
+                        entry = NotJudged(rule.id, problem.prim, problem.property, asset.asset)
+                        not_judged[entry] = None
+            except StageError:  # noqa: PERF203 - one rule that fails leaves the others to run
+                raise
+            except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
+                crashes.append(Crash(rule.id, f"{type(error).__name__}: {error}"))
     return RuleResults(
-        tuple(finding for problem, finding in found if problem.rests_on is None),
-        crashes,
-        tuple(not_judged),
-        left_open=tuple(finding for problem, finding in found if problem.rests_on is not None),
+        tuple(findings), tuple(crashes), tuple(not_judged), left_open=tuple(left_open)
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Generator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -131,10 +131,11 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
     from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.commands.shared.reporting import wants_native
     from lab3_usd.pipeline import entries
+    from lab3_usd.pipeline.stage import JudgeSettings
     from lab3_usd.spec.load.loader import load_lab
 
     number, starter, maps = (options[name] for name in ("checkpoint", "starter", "maps"))
-    settings = entries.JudgeSettings(
+    settings = JudgeSettings(
         checkpoint=None if number is None else checkpoint_number(number, load_lab().checkpoints),
         starter=None if starter is None else Path(starter),
         maps=None if maps is None else Path(maps),
@@ -145,9 +146,9 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
         handed_in=options["submission"] or options["form"] == "gradescope",
     )
 
-    def judge(work: list[Target], jobs: int) -> Generator[Results]:
+    def judge(targets: list[Target], jobs: int) -> Iterator[Results]:
         opened = entries.with_kept_starter(settings) if options["watch"] else settings
-        return entries.judge_entries(work, opened, jobs)
+        return entries.judge_all(opened, targets, jobs)
 
     return Judge(
         find=lambda path: entries.find_entries(path, settings),

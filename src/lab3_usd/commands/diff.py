@@ -61,7 +61,7 @@ def command(
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.diff import compare_stages
-    from lab3_usd.pipeline.lint import lab_in_release
+    from lab3_usd.pipeline.any_stage import lab_in_release
     from lab3_usd.report import diff
     from lab3_usd.spec.load.loader import load_lab
 

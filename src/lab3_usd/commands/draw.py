@@ -141,7 +141,7 @@ def _of_stage(
     scene: str,
 ) -> Drawing:
     from lab3_usd.check.checker import judge
-    from lab3_usd.pipeline.lint import lab_in_release, read_any
+    from lab3_usd.pipeline.any_stage import lab_in_release, read_any
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.pictures.graph_picture import stage_pictures
 
@@ -172,12 +172,12 @@ def _linted(path: Path, release: str | None, every_port: bool, scene: str) -> Dr
     """Draw a stage with what the linter finds; findings elsewhere than in its graphs are listed."""
     from lab3_usd.check.lint import lint
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.lint import lint_platform, read_any
+    from lab3_usd.pipeline.any_stage import lint_platform, read_any
     from lab3_usd.report.pictures.graph_picture import linted_pictures
 
     platform = lint_platform(release or BASE)
     stage = read_any(path, platform, scene)
-    found = lint(LintSubject(stage)).results
+    found = lint(LintSubject(stage))
     pictures = linted_pictures(stage, found.findings, every_port=every_port)
     return Drawing(list(pictures), f"{path.stem}-", found.crashes)
 

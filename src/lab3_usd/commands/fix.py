@@ -43,8 +43,9 @@ from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix
 from lab3_usd.installation import command_line
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import Finding, site_of
-from lab3_usd.pipeline.entries import JudgeSettings, checkpoint_at
-from lab3_usd.pipeline.lint import find_stages as find_linted
+from lab3_usd.pipeline.entries import checkpoint_at
+from lab3_usd.pipeline.entries import find_stages as find_linted
+from lab3_usd.pipeline.stage import JudgeSettings
 from lab3_usd.report.safe_text import visible
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -130,7 +131,9 @@ def _fix(stage: Path, options: Mapping[str, Any]) -> int:
     else:
         lab, number = load_lab(), options["checkpoint"]
         given = None if number is None else checkpoint_number(number, lab.checkpoints)
-        checkpoint = checkpoint_at(str(stage), JudgeSettings(given, config=options["config"]), lab)
+        checkpoint = checkpoint_at(
+            str(stage), JudgeSettings(checkpoint=given, config=options["config"]), lab
+        )
         fixed = fix_stage(stage, checkpoint, lab, settings)
     if options["diff"]:
         for line in diffs(fixed.files, fixed.states):

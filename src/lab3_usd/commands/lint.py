@@ -72,14 +72,17 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
 
     refuse_unusable(paths, options)
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.lint import AUTO, LintSettings, find_stages, lint_platform, lint_stages
+    from lab3_usd.pipeline.any_stage import AUTO, lint_platform
+    from lab3_usd.pipeline.entries import find_stages, judge_all
+    from lab3_usd.pipeline.stage import JudgeSettings
 
-    settings = LintSettings(
-        options["release"] or BASE,
-        options["moved_from"] or "",
+    settings = JudgeSettings(
+        of_lab=False,
         heeds_ignores=True,
         native=wants_native(options),
-        own_rules=options["config"].rules,
+        config=options["config"],
+        release=options["release"] or BASE,
+        moved_from=options["moved_from"] or "",
         scene=options["scene"] or "",
     )
     for release in (settings.release, settings.moved_from):
@@ -87,7 +90,7 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
             lint_platform(release)  # which refuses an unknown one
     judge = Judge(
         find=lambda path: find_stages(path, options["config"], alone=len(paths) == 1),
-        judge=lambda entries, jobs: lint_stages(entries, settings, jobs),
+        judge=lambda targets, jobs: judge_all(settings, targets, jobs),
         module="lab3_usd.check.lint",
     )
     sys.exit(run(paths, judge, options))

@@ -33,7 +33,7 @@ def command(stage: Path, form: str, release: str | None, assets: tuple[str, ...]
     """
     from lab3_usd.facts.robots import robots, sensors
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.lint import lint_platform
+    from lab3_usd.pipeline.any_stage import lint_platform
     from lab3_usd.report.safe_text import visible
     from lab3_usd.stage.read.reader import read_stage
 

@@ -23,7 +23,7 @@ def command(release: str) -> None:
     input and output (docs/editor.md has the settings). Nothing of a stage is run, and nothing is
     written but what you accept.
     """
-    from lab3_usd.pipeline.lint import lint_platform
+    from lab3_usd.pipeline.any_stage import lint_platform
 
     if release:
         lint_platform(release)  # which refuses an unknown one

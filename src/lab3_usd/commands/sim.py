@@ -187,7 +187,7 @@ def command(stage: Path, **options: Any) -> None:
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.commands.shared.options import checkpoint_number
-    from lab3_usd.pipeline.lint import lab_in_release
+    from lab3_usd.pipeline.any_stage import lab_in_release
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
 
@@ -220,11 +220,10 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
     behaviour = run.behaviour
     findings: tuple[Finding, ...] = ()
     if any(check.verdict != "ok" for check in behaviour.checks):
-        from lab3_usd.pipeline.lint import LintSettings, lint_stage
-        from lab3_usd.pipeline.stage import check_stage
+        from lab3_usd.pipeline.stage import JudgeSettings, check_stage, lint_stage
 
         # What fails in the dry run, the rules know to explain and to repair.
-        settings = LintSettings(release=lab.platform.release)
+        settings = JudgeSettings(release=lab.platform.release)
         if checkpoint:
             findings = check_stage(stage, checkpoint, lab).findings
         else:

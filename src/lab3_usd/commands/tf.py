@@ -58,7 +58,7 @@ def command(stage: Path, form: str, picture: Path | None, **options: Any) -> Non
         trees_of,
     )
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.lint import read_ros
+    from lab3_usd.pipeline.any_stage import read_ros
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.picture.picture_file import write_picture

@@ -51,7 +51,7 @@ def command(stage: Path, form: str, picture: Path | None, **options: Any) -> Non
     from lab3_usd.facts.endpoints import endpoints
     from lab3_usd.facts.frames import all_edges, all_unresolved_frames
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.lint import read_ros
+    from lab3_usd.pipeline.any_stage import read_ros
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.topic_picture import topics_picture

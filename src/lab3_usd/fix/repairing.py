@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd import features
-from lab3_usd.check.checker import Judgement, judge
+from lab3_usd.check.checker import judge
 from lab3_usd.check.lint import lint
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import data_folder
@@ -21,7 +21,7 @@ from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Repair, Restore, touched
 from lab3_usd.model.finding import Finding, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
-from lab3_usd.pipeline.lint import AUTO, lint_platform, lint_subject
+from lab3_usd.pipeline.any_stage import AUTO, lint_platform, lint_subject
 from lab3_usd.pipeline.results import without_noted
 from lab3_usd.pipeline.stage import checkpoint_of
 from lab3_usd.pipeline.starter_comparison import open_against_starter, open_starter
@@ -140,7 +140,7 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
 def fix_linted(path: Path, release: str, options: FixOptions, moved_from: str = "") -> Fixed:
     """Repair in memory what the linter finds in a stage; no file is written.
 
-    `moved_from` is the release that it comes from, as in `LintSettings`.
+    `moved_from` is the release that it comes from, as in `JudgeSettings`.
 
     Raises:
         StageError: the stage cannot be opened, or a rule failed.
@@ -157,7 +157,7 @@ def fix_linted(path: Path, release: str, options: FixOptions, moved_from: str = 
 
     def lint_stage(file: Path, stage: Any) -> Iterable[Finding]:
         subject = lint_subject(read_model(stage, platform, str(file)), origin)
-        return _findings_of(file, lint(subject).results)
+        return _findings_of(file, lint(subject))
 
     return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)
 
@@ -169,7 +169,7 @@ def _state(path: Path) -> FileState:
         raise StageError(f"{path}: cannot be read ({error.strerror})") from error
 
 
-def _findings_of(file: Path, judged: Judgement | RuleResults) -> tuple[Finding, ...]:
+def _findings_of(file: Path, judged: RuleResults) -> tuple[Finding, ...]:
     if judged.crashes:
         raise StageError(f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}")
     return tuple(ordered(judged.findings))

@@ -9,8 +9,7 @@ from tempfile import TemporaryDirectory
 
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding
-from lab3_usd.pipeline.lint import LintSettings, lint_stage
-from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.stage import JudgeSettings, check_stage, lint_stage
 from lab3_usd.spec.contradictions.names import LabFault, file_of
 from lab3_usd.spec.lab import SCENE, STARTER, Checkpoint, Lab
 from lab3_usd.spec.positions import has_place
@@ -57,7 +56,7 @@ def described_faults(lab: Lab) -> Iterator[LabFault]:
 def _linted(path: Path, lab: Lab) -> Iterator[Finding]:
     """Yield the errors of the linter, and the warnings that the lab does not mean."""
     meant = (*_DESCRIBED, *lab.policy.accepts)
-    for finding in lint_stage(path, LintSettings(release=lab.platform.release)).findings:
+    for finding in lint_stage(path, JudgeSettings(release=lab.platform.release)).findings:
         if finding.severity == "error" or (
             finding.severity == "warning" and finding.rule not in meant
         ):

@@ -1,20 +1,20 @@
-"""Finds what a path names, a stage or a submission, and judges it."""
+"""Finds what a path names, stages, scripts or a submission, and judges it."""
 
 from __future__ import annotations
 
-from collections.abc import Generator, Iterator, Sequence
+import os
+from collections.abc import Iterator, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
-from typing import TYPE_CHECKING
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
-from lab3_usd.errors import Lab3Error, UsageError, described
+from lab3_usd.errors import Lab3Error, StageError, UsageError, described
 from lab3_usd.files import is_script_file
 from lab3_usd.model.finding import Submission
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.pipeline.results import (
     ENDED,
     FAILED,
@@ -24,31 +24,51 @@ from lab3_usd.pipeline.results import (
     is_stage_file,
     with_findings,
 )
-from lab3_usd.pipeline.stage import check_stage, checkpoint_of
+from lab3_usd.pipeline.stage import JudgeSettings, checkpoint_of, judge_stage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
-if TYPE_CHECKING:
-    from lab3_usd.pipeline.starter_comparison import Starter
 
+def find_stages(path: str, config: Config, *, alone: bool = True) -> Iterator[Target]:
+    """Yield what a path names: a stage or script, or those in a folder and below it.
 
-class JudgeSettings(Struct, frozen=True):
-    """How to judge: at which checkpoint, and with which starter and folder of maps.
+    Folders whose names begin with a dot are left out, and links to folders are not followed. A
+    folder that may not be opened is a target that cannot be read. Of scripts in a folder, and of
+    those that are not named `alone`, only those that may build graphs count.
 
-    Without a checkpoint `config` or the name of each file gives one. With `require_evidence`,
-    saved output that is missing is an error instead of a note. With `heeds_ignores`, what notes in
-    a stage ignore on purpose is left out. With `native`, OpenUSD's own validators judge as well.
-    With `handed_in`, folders are submissions, and what they lack is missing.
+    Raises:
+        UsageError: the folder holds neither a stage nor a script.
     """
+    if not Path(path).is_dir():
+        if alone or not is_script_file(path) or _may_build(Path(path)):
+            yield Target(path)
+        return
+    files: list[Path] = []
+    scripts: list[Path] = []
 
-    checkpoint: str | None = None
-    starter: Path | Starter | None = None
-    maps: Path | None = None
-    require_evidence: bool = False
-    config: Config = Config()
-    heeds_ignores: bool = False
-    native: bool = False
-    handed_in: bool = False
+    def add_closed(error: OSError) -> None:
+        files.append(Path(error.filename))
+
+    for folder, folders, names in os.walk(path, onerror=add_closed):
+        folders[:] = [name for name in folders if not name.startswith(".")]
+        for name in names:
+            kind = files if is_stage_file(name) else scripts if is_script_file(name) else None
+            if kind is not None and not config.excludes(Path(folder, name)):
+                kind.append(Path(folder, name))
+    if not (files or scripts):
+        raise UsageError(f"{path}: holds no stage and no script, nor does a folder in it")
+    files += (script for script in scripts if _may_build(script))
+    yield from (Target(str(file)) for file in sorted(files))
+
+
+def _may_build(path: Path) -> bool:
+    """Whether a script may build graphs; one that cannot be read says so when it is judged."""
+    from lab3_usd.scripts.sources import may_build
+
+    try:
+        return may_build(path, lint_platform().building.module)
+    except StageError:
+        return True
 
 
 def find_entries(path: str, settings: JudgeSettings) -> Iterator[Target]:
@@ -123,102 +143,82 @@ def _known_checkpoint(path: str, settings: JudgeSettings, lab: Lab) -> str | Non
     return settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
 
 
-def judge_entries(
-    entries: Sequence[Target], settings: JudgeSettings, jobs: int
-) -> Generator[Results]:
-    """Yield the results of each entry, in order, judged in as many processes as asked for.
+def judge_all(settings: JudgeSettings, targets: Sequence[Target], jobs: int) -> Iterator[Results]:
+    """Return the results of each target, in order, judged in as many processes as asked for.
 
     Raises:
         StageError: the starter cannot be opened.
     """
-    if min(jobs, len(entries)) <= 1:
-        opened = _with_open_starter(settings)
-        yield from (_judge_or_crash(opened, entry) for entry in entries)
-        return
+    jobs = min(jobs, len(targets))
+    if jobs <= 1:
+        return map(partial(judge, with_open_starter(settings)), targets)
     from lab3_usd.pipeline.processes import in_processes
 
-    judge, crashed = partial(_judge_in_process, settings), partial(crashed_entry, settings)
-    yield from in_processes(judge, crashed, entries, min(jobs, len(entries)))
+    return in_processes(
+        partial(_judge_in_process, settings), partial(crashed_target, settings), targets, jobs
+    )
 
 
-def _with_open_starter(settings: JudgeSettings) -> JudgeSettings:
+def with_open_starter(settings: JudgeSettings) -> JudgeSettings:
     """Open the starter once for all the stages that are compared with it."""
-    if not isinstance(settings.starter, Path):
+    if settings.starter is None:
         return settings
-    from lab3_usd.pipeline.starter_comparison import open_starter
+    from lab3_usd.pipeline.starter_comparison import opened_starter
 
-    return replace(settings, starter=open_starter(settings.starter, load_lab()))
-
-
-with_kept_starter = lru_cache(maxsize=1)(_with_open_starter)  # for as long as a process serves
+    return replace(settings, starter=opened_starter(settings.starter, load_lab()))
 
 
-def _judge_in_process(settings: JudgeSettings, entry: Target) -> Results:
+with_kept_starter = lru_cache(maxsize=1)(with_open_starter)  # for as long as a process serves
+
+
+def _judge_in_process(settings: JudgeSettings, target: Target) -> Results:
     from lab3_usd.check.own_rules import add_own_rules
 
     add_own_rules(settings.config.rules)
-    return _judge_or_crash(with_kept_starter(settings), entry)
+    return judge(with_kept_starter(settings), target)
 
 
-def _judge_or_crash(settings: JudgeSettings, entry: Target) -> Results:
-    """Judge a stage or a submission; where the program itself fails, that is its result."""
+def judge(settings: JudgeSettings, target: Target) -> Results:
+    """Judge a stage, a script or a submission; where this program fails, that is its result."""
     try:
-        return judge_entry(settings, entry)
+        if target.is_submission:
+            from lab3_usd.pipeline.folder import FolderSettings, check_folder
+
+            folder = FolderSettings(
+                settings.starter,
+                settings.maps,
+                settings.require_evidence,
+                settings.heeds_ignores,
+                settings.native,
+                handed_in=settings.handed_in,
+            )
+            judged = check_folder(Path(target.path), folder)
+            return judged.results, (judged.submission,)
+        if not settings.of_lab:
+            return (judge_stage(target.path, settings),), ()
+        lab = load_lab()
+        checkpoint = checkpoint_at(target.path, settings, lab)
+        result = judge_stage(target.path, settings, (lab, checkpoint))
+        if lab.checkpoints[checkpoint].localization:
+            from lab3_usd.pipeline.deliverables import lone_stage_notes, map_findings
+
+            about_maps = (
+                lone_stage_notes(checkpoint, lab)
+                if settings.maps is None
+                else map_findings(settings.maps, lab)
+            )
+            result = with_findings(result, (*result.findings, *about_maps))
     except (Lab3Error, MemoryError):
         raise
-    except Exception as error:  # noqa: BLE001 - whatever it is, the other entries are judged
-        return crashed_entry(settings, entry, described(error), FAILED)
-
-
-def judge_entry(settings: JudgeSettings, entry: Target) -> Results:
-    """Judge a stage or a submission."""
-    if entry.is_submission:
-        from lab3_usd.pipeline.folder import FolderSettings, check_folder
-
-        folder = FolderSettings(
-            settings.starter,
-            settings.maps,
-            settings.require_evidence,
-            settings.heeds_ignores,
-            settings.native,
-            handed_in=settings.handed_in,
-        )
-        judged = check_folder(Path(entry.path), folder)
-        return judged.results, (judged.submission,)
-    lab = load_lab()
-    checkpoint = checkpoint_at(entry.path, settings, lab)
-    from lab3_usd.stage.read.opening import kept_open
-
-    with kept_open():
-        result = check_stage(entry.path, checkpoint, lab)
-        if settings.starter is not None:
-            from lab3_usd.pipeline.starter_comparison import Starter, against_starter
-
-            starter = _with_open_starter(settings).starter
-            result = (
-                against_starter(result, starter, lab) if isinstance(starter, Starter) else result
-            )
-        if settings.native:
-            from lab3_usd.pipeline.native import with_native
-
-            result = with_native(result)
-        if settings.heeds_ignores:
-            from lab3_usd.pipeline.results import scopes_run, without_ignored
-
-            more = scopes_run(starter=settings.starter, native=settings.native)
-            result = without_ignored(result, more)
-    if lab.checkpoints[checkpoint].localization:
-        from lab3_usd.pipeline.deliverables import lone_stage_notes, map_findings
-
-        maps = settings.maps
-        about_maps = lone_stage_notes(checkpoint, lab) if maps is None else map_findings(maps, lab)
-        result = with_findings(result, (*result.findings, *about_maps))
+    except Exception as error:  # noqa: BLE001 - whatever it is, the other targets are judged
+        return crashed_target(settings, target, described(error), FAILED)
     return (result,), ()
 
 
-def crashed_entry(settings: JudgeSettings, entry: Target, how: str, what: str = ENDED) -> Results:
+def crashed_target(settings: JudgeSettings, target: Target, how: str, what: str = ENDED) -> Results:
     """Return the result for a path at which the process that judged it ended, or failed."""
-    if entry.is_submission:
-        return (), (Submission(entry.path, crashes=crashed(entry.path, None, how, what).crashes),)
-    checkpoint = checkpoint_at(entry.path, settings, load_lab())
-    return (crashed(entry.path, checkpoint, how, what),), ()
+    if target.is_submission:
+        ended = crashed(target.path, None, how, what).crashes
+        return (), (Submission(target.path, crashes=ended),)
+    checkpoint = checkpoint_at(target.path, settings, load_lab()) if settings.of_lab else None
+    return (crashed(target.path, checkpoint, how, what),), ()

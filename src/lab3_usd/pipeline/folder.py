@@ -27,8 +27,8 @@ from lab3_usd.pipeline.deliverables import (
     read_saved_outputs,
 )
 from lab3_usd.pipeline.results import FAILED, crashed, is_stage_file
-from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.pipeline.starter_comparison import Starter, against_starter, open_starter
+from lab3_usd.pipeline.stage import JudgeSettings, judge_stage
+from lab3_usd.pipeline.starter_comparison import Starter, open_starter
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -160,12 +160,15 @@ def _results(
 ) -> Iterator[tuple[str, StageResult]]:
     """Judge the files that USD can open; the others have a finding of their own."""
     endings = (*contents.spec.stages.endings, *contents.spec.stages.openable)
+    of_stage = JudgeSettings(
+        heeds_ignores=settings.heeds_ignores, native=settings.native, starter=starters.compared
+    )
     for number, stage in contents.listing.stages.items():
         if PurePosixPath(stage.path).suffix.lower() not in endings:
             continue
         path = str(contents.root / stage.path)
         try:
-            result = _result(path, number, contents.lab, starters, settings)
+            result = judge_stage(path, of_stage, (contents.lab, number))
         except (Lab3Error, MemoryError):
             raise
         except Exception as error:
@@ -173,24 +176,6 @@ def _results(
                 raise  # the file is damaged, which the caller tells from a failure of ours
             result = crashed(path, number, described(error), FAILED)
         yield number, result
-
-
-def _result(
-    path: str, number: str, lab: Lab, starters: _Starters, settings: FolderSettings
-) -> StageResult:
-    result = check_stage(path, number, lab)
-    if starters.compared is not None:
-        result = against_starter(result, starters.compared, lab)
-    if settings.native:
-        from lab3_usd.pipeline.native import with_native
-
-        result = with_native(result)
-    if settings.heeds_ignores:
-        from lab3_usd.pipeline.results import scopes_run, without_ignored
-
-        more = scopes_run(starter=starters.compared, native=settings.native)
-        result = without_ignored(result, more)
-    return result
 
 
 _MOST_UNJUDGED = 50

@@ -102,7 +102,7 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
 
     judged = [lint(LintSubject(stage.model)) for stage in script.stages]
     placed = [
-        [_Placed(finding, _span(finding, stage)) for finding in each.results.findings]
+        [_Placed(finding, _span(finding, stage)) for finding in each.findings]
         for stage, each in zip(script.stages, judged, strict=True)
     ]
     kept = _told_once(_certain(script.stages, [_of_made_nodes(found) for found in placed]))
@@ -111,15 +111,15 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
         findings = list(
             _without_ignored(findings, [each.span for each in kept], path, script.source)
         )
-    results: RuleResults = merge_results(each.results for each in judged)
-    gaps = [gap for each in judged for gap in each.results.gaps] if not script.nodes else []
+    results: RuleResults = merge_results(judged)
+    gaps = [gap for each in judged for gap in each.gaps] if not script.nodes else []
     if not script.nodes:
         gaps += [
             f"no node could be read: {each.why} in line {each.line} is not known before it runs"
             for each in script.unknown
         ]
     gaps += [f"reading ended in line {line}: it takes too many steps" for line in script.stopped]
-    every = [_gaps_of_all([each.results.gaps for each in judged])] if judged else []
+    every = [_gaps_of_all([each.gaps for each in judged])] if judged else []
     gaps += [gap for found in every for gap in found]
     findings = list(ordered(findings))
     crashes = tuple(dict.fromkeys(results.crashes))
@@ -130,7 +130,7 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
         findings=tuple(findings),
         crashes=crashes,
         not_judged=tuple(dict.fromkeys(results.not_judged)),
-        coverage=_coverage(script, [each.coverage for each in judged]),
+        coverage=_coverage(script, [each.coverage for each in judged if each.coverage is not None]),
         gaps=tuple(gaps),
     )
 

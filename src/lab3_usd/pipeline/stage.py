@@ -1,18 +1,59 @@
-"""Checks one stage: reads it, runs the rules, and finds the lines of the findings."""
+"""Judges one stage: reads it, runs the rules of a lab or of none, and places the findings."""
 
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.config.settings import Config
 from lab3_usd.data import program
 from lab3_usd.errors import StageError, UsageError
+from lab3_usd.files import is_script_file
+from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import StageResult, ordered
-from lab3_usd.pipeline.results import located, unreadable
+from lab3_usd.pipeline.any_stage import lint_platform, lint_subject, scene_at
+from lab3_usd.pipeline.results import located, scopes_run, unreadable, without_ignored
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
+
+if TYPE_CHECKING:
+    from lab3_usd.pipeline.starter_comparison import Starter
+
+
+class JudgeSettings(Struct, frozen=True):
+    """How to judge: `of_lab` at a checkpoint of the lab, else any stage by what its nodes do.
+
+    With `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`,
+    OpenUSD's own validators judge as well. `config` also has the rules of one's own.
+
+    Of a lab: without a `checkpoint`, `config` or the name of each file gives one. Stages are
+    compared with the `starter`; `maps` is the folder of maps. With `require_evidence`, saved output
+    that is missing is an error instead of a note. With `handed_in`, folders are submissions, and
+    what they lack is missing.
+
+    Of none: `release` is the one of Isaac Sim. `moved_from` is the release that the stages come
+    from, where that counts; AUTO lets the stage tell it. `scene` is the stage that scripts load, ''
+    where that is not known.
+    """
+
+    of_lab: bool = True
+    heeds_ignores: bool = False
+    native: bool = False
+    config: Config = Config()
+    checkpoint: str | None = None
+    starter: Path | Starter | None = None
+    maps: Path | None = None
+    require_evidence: bool = False
+    handed_in: bool = False
+    release: str = BASE
+    moved_from: str = ""
+    scene: str = ""
 
 
 def checkpoint_of(name: str, lab: Lab) -> str | None:
@@ -42,63 +83,114 @@ def check_stage(
         raise UsageError(
             f"there is no checkpoint '{number}'; known are {', '.join(lab.checkpoints)}"
         )
-    from lab3_usd.stage.read.opening import kept_open
+    return judge_stage(path, JudgeSettings(), (lab, number))
+
+
+def lint_stage(path: str | Path, settings: JudgeSettings | None = None) -> StageResult:
+    """Judge the stage or script at `path` by what its nodes do, whatever it is for.
+
+    Raises:
+        UsageError: the release is not known, or the installed usd-core has no validators.
+    """
+    return judge_stage(path, settings or JudgeSettings(of_lab=False))
+
+
+def judge_stage(
+    path: str | Path, settings: JudgeSettings, at: tuple[Lab, str] | None = None
+) -> StageResult:
+    """Judge the stage at `path` at a checkpoint of a lab; without one, by what its nodes do.
+
+    A starter to compare with is open in `settings`.
+
+    Raises:
+        UsageError: the release is not known, or the installed usd-core has no validators.
+    """
+    platform = lint_platform(settings.release) if at is None else at[0].platform
+    if at is None and is_script_file(str(path)):
+        from lab3_usd.pipeline.scripts import ScriptSettings, lint_script
+
+        scene = scene_at(settings.scene, platform)
+        over_scene = ScriptSettings(platform, scene, heeds_ignores=settings.heeds_ignores)
+        return lint_script(path, over_scene)
+    from lab3_usd.stage.read.opening import kept_open, open_stage, quiet, reading_cache
 
     with kept_open():  # so that nothing is asked of the stage twice
-        return _checked(path, number, lab)
+        try:
+            stage = open_stage(Path(path))
+            # Rules are imported only now: a command has another thread do it meanwhile.
+            from lab3_usd.stage.read.reader import read_model
+
+            with quiet():
+                model = read_model(stage, platform, str(path))
+                if at is None:
+                    from lab3_usd.check.lint import lint
+
+                    judged = lint(lint_subject(model, settings.moved_from))
+                else:
+                    from lab3_usd.check.checker import judge
+
+                    demands = at[0].same_demands(at[1])
+                    # The model, which is kept as well, keeps the stage that `id` names.
+                    key, known = ("judgement", id(stage), demands.id), reading_cache.get()
+                    if known is None or key not in known:
+                        judged = judge(at[0], demands, model)
+                    else:
+                        judged = known[key]
+                    if known is not None:
+                        known[key] = judged
+        except StageError as error:
+            return unreadable(str(path), None if at is None else at[1], error)
+        findings = judged.findings
+        # Notes of a lab ask for no repair: a stage that passes is not read again for them.
+        if at is None or any(finding.severity != "note" for finding in findings):
+            findings = tuple(located(findings, path, stage))
+        result = StageResult(
+            path=str(path),
+            checkpoint=None if at is None else at[1],
+            findings=ordered(findings),
+            requirements=judged.requirements,
+            crashes=judged.crashes,
+            not_judged=judged.not_judged,
+            coverage=judged.coverage,
+            gaps=judged.gaps,
+        )
+        if at is not None and settings.starter is not None:
+            from lab3_usd.pipeline.starter_comparison import against_starter, opened_starter
+
+            result = against_starter(result, opened_starter(settings.starter, at[0]), at[0])
+        if settings.native:
+            from lab3_usd.pipeline.native import with_native
+
+            result = with_native(result)
+        if settings.heeds_ignores:
+            more = scopes_run(starter=settings.starter, native=settings.native)
+            result = without_ignored(result, more)
+    return result
 
 
-def _checked(path: str | Path, number: str, lab: Lab) -> StageResult:
-    from lab3_usd.stage.read.opening import cached, open_stage, quiet
+def judge_open_stage(stage: Any, lab: Lab | None = None) -> RuleResults:
+    """Judge a stage that somebody else has open, which is left as it is.
 
-    try:
-        stage = open_stage(Path(path))
-        # Imported only now: a command has another thread do it while the stage opens.
-        from lab3_usd.check.checker import judge
-        from lab3_usd.stage.read.reader import read_model
-
-        demands = lab.same_demands(number)
-        with quiet():
-            model = read_model(stage, lab.platform, str(path))
-            # The model, which is kept as well, keeps the stage that `id` names.
-            judged = cached(
-                ("judgement", id(stage), demands.id), lambda: judge(lab, demands, model)
-            )
-    except StageError as error:
-        return unreadable(str(path), number, error)
-    findings = judged.findings
-    # Notes ask for no repair: a stage that passes is not read a second time for them.
-    if any(finding.severity != "note" for finding in findings):
-        findings = tuple(located(findings, path, stage))
-    findings = ordered(findings)
-    return StageResult(
-        path=str(path),
-        checkpoint=number,
-        findings=findings,
-        requirements=judged.requirements,
-        crashes=judged.crashes,
-        not_judged=judged.not_judged,
-        gaps=judged.gaps,
-    )
-
-
-def check_open_stage(stage: Any, lab: Lab) -> RuleResults:
-    """Judge a stage that somebody else has open, which is left as it is; of another name, nothing.
-
-    The checkpoint is the one that the name of its file begins with.
+    With a lab, at the checkpoint that the name of its file begins with; of another name, nothing.
 
     Raises:
         StageError: a file of the stage is damaged.
     """
-    file = Path(stage.GetRootLayer().realPath)
-    number = checkpoint_of(file.name, lab)
-    if number is None:
-        return RuleResults()
-    from lab3_usd.check.checker import judge
     from lab3_usd.stage.read.opening import reopened
     from lab3_usd.stage.read.reader import read_model
 
-    judged = judge(
-        lab, lab.checkpoints[number], read_model(reopened(stage), lab.platform, str(file))
-    )
-    return RuleResults(ordered(judged.findings), judged.crashes, judged.not_judged, judged.gaps)
+    if lab is None:
+        from lab3_usd.check.lint import lint
+
+        name = stage.GetRootLayer().identifier
+        judged = lint(LintSubject(read_model(reopened(stage), lint_platform(), name)))
+    else:
+        file = Path(stage.GetRootLayer().realPath)
+        number = checkpoint_of(file.name, lab)
+        if number is None:
+            return RuleResults()
+        from lab3_usd.check.checker import judge
+
+        model = read_model(reopened(stage), lab.platform, str(file))
+        judged = judge(lab, lab.checkpoints[number], model)
+    return replace(judged, findings=ordered(judged.findings))

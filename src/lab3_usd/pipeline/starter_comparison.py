@@ -62,6 +62,15 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
     return Starter(path, stage, frozenset(_fault(finding) for finding in judged.findings))
 
 
+def opened_starter(starter: Path | Starter, lab: Lab) -> Starter:
+    """Return a starter that may be open already.
+
+    Raises:
+        StageError: the file cannot be opened.
+    """
+    return open_starter(starter, lab) if isinstance(starter, Path) else starter
+
+
 def _fault(finding: Finding) -> _FaultKey:
     return finding.rule, finding.prim, finding.property, finding.actual
 

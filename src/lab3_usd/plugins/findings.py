@@ -7,8 +7,7 @@ from typing import Any
 
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.finding import Finding
-from lab3_usd.pipeline.lint import lint_open_stage
-from lab3_usd.pipeline.stage import check_open_stage
+from lab3_usd.pipeline.stage import judge_open_stage
 from lab3_usd.spec.load.loader import load_lab
 
 CRASH = "the program itself failed"
@@ -16,12 +15,12 @@ CRASH = "the program itself failed"
 
 def findings_of(stage: Any) -> tuple[Finding, ...]:
     """Return what the linter finds in an open stage, in order."""
-    return _findings_of(lambda: lint_open_stage(stage))
+    return _findings_of(lambda: judge_open_stage(stage))
 
 
 def checked_findings_of(stage: Any) -> tuple[Finding, ...]:
     """Return what the check finds in an open stage whose file is named after a checkpoint."""
-    return _findings_of(lambda: check_open_stage(stage, load_lab()))
+    return _findings_of(lambda: judge_open_stage(stage, load_lab()))
 
 
 def _findings_of(judge: Callable[[], RuleResults]) -> tuple[Finding, ...]:

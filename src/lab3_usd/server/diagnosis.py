@@ -15,7 +15,7 @@ from lab3_usd.fix.line_changes import text_changes
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.changes import TextChange
 from lab3_usd.model.finding import Finding, Report, Site, site_of
-from lab3_usd.pipeline.lint import LintSettings, lint_stage
+from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -54,7 +54,7 @@ def diagnose(path: Path, text: str, release: str = "") -> Diagnosis:
 
 def _judged(file: Path, path: Path, config: Config, release: str) -> Diagnosis:
     """Judge a file that stands for the one at `path`."""
-    settings = LintSettings(release or BASE, heeds_ignores=True, own_rules=config.rules)
+    settings = JudgeSettings(release=release or BASE, heeds_ignores=True, config=config)
     result = lint_stage(file, settings)
     changes = text_changes(Report((result,)), load_lab(), None)
     own = {

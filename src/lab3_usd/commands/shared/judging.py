@@ -84,7 +84,7 @@ class Judge(Struct, frozen=True):
     """
 
     find: Callable[[str], Iterable[Target]]
-    judge: Callable[[list[Target], int], Generator[Results]]
+    judge: Callable[[list[Target], int], Iterator[Results]]
     module: str
     shared: tuple[str, ...] = ()
     renew: Callable[[], object] = tuple
@@ -125,7 +125,9 @@ def _judged(entries: list[Target], judge: Judge, options: Mapping[str, Any]) -> 
     results: list[StageResult] = []
     submissions: list[Submission] = []
     judged = judge.judge(entries, options["jobs"])
-    with closing(judged), _progress(judged, len(entries), options) as bar:
+    # Processes end with the generator that they answer.
+    ends = closing(judged) if isinstance(judged, Generator) else nullcontext()
+    with ends, _progress(judged, len(entries), options) as bar:
         for stages, folders in bar:
             results += (
                 with_findings(result, selected_findings(result.findings, result.path, options))
