@@ -153,6 +153,7 @@ def test_a_submission_that_cannot_be_judged_has_no_points_and_a_reason(tmp_path:
 
 def test_the_result_is_written_where_gradescope_looks(tmp_path: Path) -> None:
     folder, out = submission(tmp_path / "submission"), tmp_path / "results" / "results.json"
+    out.parent.mkdir()
     ran = run(
         "grade", "--format", "gradescope", "--starter", starter(), folder, "--output", out
     )  # fmt: skip
