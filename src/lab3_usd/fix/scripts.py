@@ -14,7 +14,7 @@ from lab3_usd.files import lines_of, read_state
 from lab3_usd.fix.repairing import Fixed, FixOptions
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, site_of
-from lab3_usd.pipeline.lint import lint_platform
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.pipeline.scripts import ScriptSettings, lint_script
 
 _NOTEBOOK = ".ipynb"
