@@ -20,19 +20,21 @@ from lab3_usd.model.dry_run import HERE, Behaviour, Check, Unknown
 from lab3_usd.sim.any_stage import one_tree, running_clock
 from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.decoder import is_read
-from lab3_usd.sim.bag.judge import (
-    GAP,
+from lab3_usd.sim.bag.driven import (
     HELD,
-    NO_CONTENT,
     STEERED,
-    STUCK,
-    Recorded,
     follows_side,
-    judged_topics,
     leg_of_any_base,
     legs,
-    odometry,
     path,
+)
+from lab3_usd.sim.bag.judge import (
+    GAP,
+    NO_CONTENT,
+    STUCK,
+    Recorded,
+    judged_topics,
+    odometry,
     running,
     time_remarks,
     unreadable,

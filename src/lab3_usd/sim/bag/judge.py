@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,13 +17,14 @@ from msgspec.structs import replace
 from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
 from lab3_usd.facts.tree import SentTransform, Tree, tree
-from lab3_usd.model.dry_run import HERE, Behaviour, Check, Place, Topic, Unknown
+from lab3_usd.model.dry_run import HERE, Behaviour, Check, Topic, Unknown
 from lab3_usd.model.dry_run import Leg as DrivenLeg
+from lab3_usd.sim.bag.driven import follows_side, leg_of_any_base, legs, path
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.dry_run import DryRun, driven_legs, is_asked, path_rows
-from lab3_usd.sim.execution.drive import RATE, Leg, Session, leg_name
-from lab3_usd.sim.execution.recording import Odometry, Pose
+from lab3_usd.sim.execution.drive import Session
+from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 from lab3_usd.sim.judge.checks import OF_STAGE, whole_verdict
 from lab3_usd.sim.judge.checks import verdict as verdict_of
@@ -31,12 +32,10 @@ from lab3_usd.sim.judge.expectations import (
     PHYSICAL,
     RunFault,
     Trial,
-    angle,
     displacement,
     is_about,
 )
 from lab3_usd.sim.judge.localization import fit
-from lab3_usd.sim.judge.motion import follows
 from lab3_usd.sim.judge.sensors import SHORT
 from lab3_usd.sim.judge.topics import (
     expected_at,
@@ -224,14 +223,6 @@ CHECKS: dict[str, CheckFunction] = {
     "goal": goal,
 }
 
-
-_LONG = 1.0  # seconds of one command, from which on it is judged
-_SAME = 1e-3  # m/s and rad/s between commands
-_VARIED = "varied"
-HELD = 1.0  # seconds of a command to joints, from which on it is judged
-STEERED = "steered"  # a leg in which a car is to turn
-_UP_TO_THE_ROBOT = {"turn-off-centre"}  # about which point it turns
-_Command = tuple[float, float, float]  # forward, to the left, turning
 
 _TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
@@ -451,79 +442,3 @@ def time_remarks(gathered: Gathered) -> Iterator[str]:
     )
     if odd:
         yield f"{odd} topics have an invalid name or type"
-
-
-def legs(
-    commands: Sequence[tuple[float, _Command]], seconds: float, limits: tuple[float, float]
-) -> tuple[Leg, ...]:
-    """Return the legs of a drive: a command holds until the next, as in Isaac Sim."""
-    drive: list[Leg] = []
-    end, first = round(seconds * RATE), 0
-    current: _Command | None = None
-    changes = [change for change in commands if round(change[0] * RATE) < end]
-    for at, command in [*changes, (end / RATE, None)]:
-        if current is not None and command is not None:
-            steps = (abs(a - b) for a, b in zip(current, command, strict=True))
-            if all(step < _SAME for step in steps):
-                continue
-        frame = max(first, round(at * RATE))
-        if frame > first:
-            drive.append(_leg(current, (frame - first) / RATE, limits))
-        first, current = frame, command
-    return tuple(drive)
-
-
-def _leg(command: _Command | None, seconds: float, limits: tuple[float, float]) -> Leg:
-    if command is None:
-        return Leg("idle", seconds)
-    if seconds < _LONG:
-        return Leg(_VARIED, seconds, command)
-    aside = command[1] and not command[0] and not command[2]
-    return Leg("sideways" if aside else leg_name(command[0], command[2], limits), seconds, command)
-
-
-def leg_of_any_base(leg: Leg, *, is_steered: bool) -> Leg:
-    """Return a leg of any robot: one that is commanded sideways may go there."""
-    if is_steered and leg.turn:
-        return replace(leg, name=STEERED if leg.seconds >= HELD else "varied")
-    return replace(leg, name="varied") if leg.name == "sideways" else leg
-
-
-def follows_side(trial: Trial) -> Iterator[RunFault]:
-    """It goes ahead and back as commanded, and turns to the side that it is commanded to.
-
-    How far it turns is up to its wheels: those of a skid steer slide.
-    """
-    turns = [s for s in trial.stretches("left", "right", "arc", STEERED) if s.leg.turn]
-    is_to_its_side = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
-    for stretch in turns:
-        if stretch.leg.name == STEERED and stretch.turned * stretch.leg.turn <= 0:
-            text = f"steered to turn to the {'left' if stretch.leg.turn > 0 else 'right'}, turned"
-            yield RunFault(f"{text} {math.degrees(stretch.turned):+.0f} degrees", "wrong-arc")
-            break
-    for fault in follows(trial):
-        by_turning = fault.kind in {"wrong-turn", "wrong-arc"}
-        if fault.kind not in _UP_TO_THE_ROBOT and not (by_turning and is_to_its_side):
-            yield fault
-
-
-def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterator[Pose]:
-    """Yield a pose for each frame of the drive, between what odometry reports."""
-    if not places:
-        return
-    ahead, frame = 0, 0
-    for leg in drive:
-        for _ in range(round(leg.seconds * RATE)):
-            frame += 1
-            at = frame / RATE
-            while ahead + 1 < len(places) and places[ahead + 1][0] <= at:
-                ahead += 1
-            before, after = places[ahead], places[min(ahead + 1, len(places) - 1)]
-            yield Pose(0, at, leg.name, *_between(before, after, at))
-
-
-def _between(before: tuple[float, Place], after: tuple[float, Place], at: float) -> Place:
-    span = after[0] - before[0]
-    part = min(1.0, max(0.0, (at - before[0]) / span)) if span > 0 else 0.0
-    (x, y, turned), (u, v, later) = before[1], after[1]
-    return (x + part * (u - x), y + part * (v - y), turned + part * angle(later - turned))

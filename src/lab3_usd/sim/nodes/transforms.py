@@ -18,7 +18,7 @@ from lab3_usd.sim.execution.recording import Later, Message, Transforms
 from lab3_usd.sim.execution.world import RosEndpoint, World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 from lab3_usd.sim.robot.machine import Machine, Posture
-from lab3_usd.sim.robot.machines import Spot
+from lab3_usd.sim.robot.spots import Spot
 
 ROOT, BODY, ROBOT = "PhysicsArticulationRootAPI", "PhysicsRigidBodyAPI", "IsaacRobotAPI"
 LINK, JOINT = "IsaacLinkAPI", "IsaacJointAPI"

@@ -9,7 +9,7 @@ from typing import get_args
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
 from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance
-from lab3_usd.model.physics import EXCLUDED, limits, number
+from lab3_usd.model.physics import EXCLUDED, SCENE, limits, number
 from lab3_usd.sim.robot.machine import (
     DRIVE,
     FIXED,
@@ -19,6 +19,7 @@ from lab3_usd.sim.robot.machine import (
     Machine,
 )
 
+OWNER = "physics:simulationOwner"
 BODY, ROOT, COLLIDER = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "PhysicsCollisionAPI"
 
 
@@ -204,3 +205,26 @@ def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint
         for number in first.keys() ^ second.keys():
             (first | second)[number].locked = True
     return machine
+
+
+def of_another_scene(scene: Scene, known: Bodies) -> dict[str, str]:
+    """Return the shapes that do not move and are in no scene of the robots', with the reason.
+
+    PhysX simulates what names no scene in the first one.
+    """
+    scenes = [prim.path for prim in scene.prims.values() if prim.type == SCENE]
+    owners = {
+        prim.path: prim.targets[OWNER][0]
+        for prim in scene.prims.values()
+        if prim.targets.get(OWNER)
+    }
+    of_bodies = {owners.get(body, scenes[0] if scenes else "") for body in known.prims}
+    found: dict[str, str] = {}
+    for path, owner in owners.items():
+        if not collides(scene.prims[path]) or known.of(path):
+            continue
+        if owner not in scenes:
+            found[path] = f"belongs to the scene {owner}, which is not there"
+        elif len(of_bodies) == 1 and owner not in of_bodies:
+            found[path] = f"belongs to the scene {owner}, and the robot to another"
+    return found

@@ -3,12 +3,10 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
-from functools import cached_property
+from collections.abc import Iterator, Mapping
 from operator import itemgetter
 from typing import Any
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import HERE, Affine, Scene
@@ -25,7 +23,7 @@ from lab3_usd.model.traction import (
 from lab3_usd.model.transforms import Vector, cross, length, minus
 from lab3_usd.sim.geometry import Surface as GroundSurface
 from lab3_usd.sim.geometry import cut, ground_of, height_at, is_mirrored, placed
-from lab3_usd.sim.robot.bodies import ROOT, Bodies, collides
+from lab3_usd.sim.robot.bodies import ROOT, Bodies, collides, of_another_scene
 from lab3_usd.sim.robot.machine import (
     FIXED,
     HINGE,
@@ -35,17 +33,18 @@ from lab3_usd.sim.robot.machine import (
     Wheel,
     solution,
 )
+from lab3_usd.sim.robot.spots import Spot
 from lab3_usd.sim.robot.stance import (
     DENSITY,
     SPHERICAL,
     Contact,
     Stance,
     contacts,
+    moment_of,
     solid_of,
     stance_of,
 )
 
-OWNER = "physics:simulationOwner"
 _SLIDES_OFF = (
     20.0  # degrees by which gravity pulls aside, from which on nothing stays on the ground
 )
@@ -67,52 +66,6 @@ _SLIDES = 1e-4  # sideways for each unit that a wheel rolls, from which on it sl
 STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
 
-class Spot(Struct, frozen=True, dict=True):
-    """A prim, and where it is in the frame of the body that it goes with, or in the world."""
-
-    path: str
-    body: str
-    machine: Machine | None
-    local: Affine
-
-    @property
-    def base(self) -> str:
-        """The base of what it goes with; '' for the world."""
-        return "" if self.machine is None else self.machine.base
-
-    def posture(self) -> Posture | None:
-        """Return how what it goes with stands now; None where it goes with nothing."""
-        return None if self.machine is None else self.machine.posture()
-
-    def place(self, posture: Posture | None) -> Affine:
-        """Return where it is when what it goes with stands so."""
-        if posture is None:
-            return self.local
-        known = posture.known.get(self.path)
-        if known is None:
-            known = posture.known[self.path] = self._place(posture)
-        return known
-
-    def _place(self, posture: Posture) -> Affine:
-        if self.path == posture.machine.base:
-            return posture.base
-        offset = posture.offset(self.body)
-        return posture.base.then(offset if self.path == self.body else offset.then(self.local))
-
-    def back(self, posture: Posture | None) -> Affine:
-        """Return the way from the world into its frame when what it goes with stands so."""
-        if posture is None:
-            return self._back
-        known = posture.backs.get(self.path)
-        if known is None:
-            known = posture.backs[self.path] = self.place(posture).inverse()
-        return known
-
-    @cached_property
-    def _back(self) -> Affine:
-        return self.local.inverse()
-
-
 class Machines:
     """Everything that moves on a stage."""
 
@@ -121,7 +74,7 @@ class Machines:
         self.has_ground = has_ground
         self._bodies = Bodies(scene)
         self.bodies = self._bodies.prims
-        self._elsewhere = self._of_another_scene()
+        self._elsewhere = of_another_scene(scene, self._bodies)
         self._solid = {
             prim.path: ground_of(prim, prim.world)
             for prim in scene.prims.values()
@@ -337,28 +290,6 @@ class Machines:
                 return path, why
         return None
 
-    def _of_another_scene(self) -> dict[str, str]:
-        """Return the shapes that do not move and are in no scene of the robots', with the reason.
-
-        PhysX simulates what names no scene in the first one.
-        """
-        scenes = [prim.path for prim in self.scene.prims.values() if prim.type == SCENE]
-        owners = {
-            prim.path: prim.targets[OWNER][0]
-            for prim in self.scene.prims.values()
-            if prim.targets.get(OWNER)
-        }
-        of_bodies = {owners.get(body, scenes[0] if scenes else "") for body in self.bodies}
-        found: dict[str, str] = {}
-        for path, owner in owners.items():
-            if not collides(self.scene.prims[path]) or self.body_of(path):
-                continue
-            if owner not in scenes:
-                found[path] = f"belongs to the scene {owner}, which is not there"
-            elif len(of_bodies) == 1 and owner not in of_bodies:
-                found[path] = f"belongs to the scene {owner}, and the robot to another"
-        return found
-
     def _stand(self, machine: Machine, stance: Stance, ground: float) -> None:
         """See by which wheels a machine stands on the ground, and what else carries it."""
         unit = self.scene.meters_per_unit
@@ -410,8 +341,8 @@ class Machines:
         free = [wheel for wheel in machine.wheels if not wheel.joint.holds]
         driven = [wheel for wheel in machine.wheels if wheel.joint.holds]
         fixed = [w for w in free if not any(j.kind != FIXED for j in machine.above(w.carrier))]
-        lever = self._moment(driven, stance, machine, driven, is_along=True)
-        brake = self._moment(fixed, stance, machine, driven, is_along=False)
+        lever = moment_of(driven, stance, machine, driven, is_along=True)
+        brake = moment_of(fixed, stance, machine, driven, is_along=False)
         slides = bool(fixed and driven) and brake < _TURNS[0] * lever
         if fixed and driven and not slides and brake < _TURNS[1] * lever:
             path = fixed[0].joint.path
@@ -423,29 +354,6 @@ class Machines:
             is_free = not wheel.joint.holds
             trails = is_free and (swivels or (slides and wheel in fixed))
             yield replace(wheel, trails=True) if trails else wheel
-
-    def _moment(
-        self,
-        wheels: Sequence[Wheel],
-        stance: Stance,
-        machine: Machine,
-        driven: Sequence[Wheel],
-        *,
-        is_along: bool,
-    ) -> float:
-        """Return the moment of the weight on wheels about the middle of the driven ones.
-
-        It is that of what they push along their way, or of what holds them across it.
-        """
-        if not driven:
-            return 0.0
-        x, y = (sum(wheel.contact[k] for wheel in driven) / len(driven) for k in (0, 1))
-        moment = 0.0
-        for wheel in wheels:
-            (dx, dy), (u, v) = (wheel.contact[0] - x, wheel.contact[1] - y), wheel.along
-            arm = abs(dx * v - dy * u) if is_along else abs(dx * u + dy * v)
-            moment += arm * stance.weight_on([machine.link_of(wheel.joint)])
-        return moment
 
     def _steered_weakly(self, machine: Machine, contact: Contact, stance: Stance) -> None:
         """See whether a joint that steers a wheel could turn its tyre on the spot."""

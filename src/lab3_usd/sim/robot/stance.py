@@ -272,3 +272,26 @@ def _unround(shape: Solid, at: Vector, axle: Vector) -> str:
     if min(radii) < ROUND * max(radii):
         return "is not round about its axle"
     return ""
+
+
+def moment_of(
+    wheels: Sequence[Wheel],
+    stance: Stance,
+    machine: Machine,
+    driven: Sequence[Wheel],
+    *,
+    is_along: bool,
+) -> float:
+    """Return the moment of the weight on wheels about the middle of the driven ones.
+
+    It is that of what they push along their way, or of what holds them across it.
+    """
+    if not driven:
+        return 0.0
+    x, y = (sum(wheel.contact[k] for wheel in driven) / len(driven) for k in (0, 1))
+    moment = 0.0
+    for wheel in wheels:
+        (dx, dy), (u, v) = (wheel.contact[0] - x, wheel.contact[1] - y), wheel.along
+        arm = abs(dx * v - dy * u) if is_along else abs(dx * u + dy * v)
+        moment += arm * stance.weight_on([machine.link_of(wheel.joint)])
+    return moment

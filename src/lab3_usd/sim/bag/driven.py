@@ -1,0 +1,98 @@
+"""What a recording drove: the legs of its commands, and the path of its robot."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator, Sequence
+
+from msgspec.structs import replace
+
+from lab3_usd.model.dry_run import Place
+from lab3_usd.sim.execution.drive import RATE, Leg, leg_name
+from lab3_usd.sim.execution.recording import Pose
+from lab3_usd.sim.judge.expectations import RunFault, Trial, angle
+from lab3_usd.sim.judge.motion import follows
+
+_LONG = 1.0  # seconds of one command, from which on it is judged
+_SAME = 1e-3  # m/s and rad/s between commands
+VARIED = "varied"
+HELD = 1.0  # seconds of a command to joints, from which on it is judged
+STEERED = "steered"  # a leg in which a car is to turn
+_UP_TO_THE_ROBOT = {"turn-off-centre"}  # about which point it turns
+_Command = tuple[float, float, float]  # forward, to the left, turning
+
+
+def legs(
+    commands: Sequence[tuple[float, _Command]], seconds: float, limits: tuple[float, float]
+) -> tuple[Leg, ...]:
+    """Return the legs of a drive: a command holds until the next, as in Isaac Sim."""
+    drive: list[Leg] = []
+    end, first = round(seconds * RATE), 0
+    current: _Command | None = None
+    changes = [change for change in commands if round(change[0] * RATE) < end]
+    for at, command in [*changes, (end / RATE, None)]:
+        if current is not None and command is not None:
+            steps = (abs(a - b) for a, b in zip(current, command, strict=True))
+            if all(step < _SAME for step in steps):
+                continue
+        frame = max(first, round(at * RATE))
+        if frame > first:
+            drive.append(_leg(current, (frame - first) / RATE, limits))
+        first, current = frame, command
+    return tuple(drive)
+
+
+def _leg(command: _Command | None, seconds: float, limits: tuple[float, float]) -> Leg:
+    if command is None:
+        return Leg("idle", seconds)
+    if seconds < _LONG:
+        return Leg(VARIED, seconds, command)
+    aside = command[1] and not command[0] and not command[2]
+    return Leg("sideways" if aside else leg_name(command[0], command[2], limits), seconds, command)
+
+
+def leg_of_any_base(leg: Leg, *, is_steered: bool) -> Leg:
+    """Return a leg of any robot: one that is commanded sideways may go there."""
+    if is_steered and leg.turn:
+        return replace(leg, name=STEERED if leg.seconds >= HELD else "varied")
+    return replace(leg, name="varied") if leg.name == "sideways" else leg
+
+
+def follows_side(trial: Trial) -> Iterator[RunFault]:
+    """It goes ahead and back as commanded, and turns to the side that it is commanded to.
+
+    How far it turns is up to its wheels: those of a skid steer slide.
+    """
+    turns = [s for s in trial.stretches("left", "right", "arc", STEERED) if s.leg.turn]
+    is_to_its_side = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
+    for stretch in turns:
+        if stretch.leg.name == STEERED and stretch.turned * stretch.leg.turn <= 0:
+            text = f"steered to turn to the {'left' if stretch.leg.turn > 0 else 'right'}, turned"
+            yield RunFault(f"{text} {math.degrees(stretch.turned):+.0f} degrees", "wrong-arc")
+            break
+    for fault in follows(trial):
+        by_turning = fault.kind in {"wrong-turn", "wrong-arc"}
+        if fault.kind not in _UP_TO_THE_ROBOT and not (by_turning and is_to_its_side):
+            yield fault
+
+
+def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterator[Pose]:
+    """Yield a pose for each frame of the drive, between what odometry reports."""
+    if not places:
+        return
+    ahead, frame = 0, 0
+    for leg in drive:
+        for _ in range(round(leg.seconds * RATE)):
+            frame += 1
+            at = frame / RATE
+            while ahead + 1 < len(places) and places[ahead + 1][0] <= at:
+                ahead += 1
+            before, after = places[ahead], places[min(ahead + 1, len(places) - 1)]
+            yield Pose(0, at, leg.name, *_between(before, after, at))
+
+
+def _between(before: tuple[float, Place], after: tuple[float, Place], at: float) -> Place:
+    span = after[0] - before[0]
+    part = min(1.0, max(0.0, (at - before[0]) / span)) if span > 0 else 0.0
+    (x, y, turned), (u, v, later) = before[1], after[1]
+    return (x + part * (u - x), y + part * (v - y), turned + part * angle(later - turned))
