@@ -39,7 +39,6 @@ OTHER: list[tuple[Value | None, Value | None]] = [
     (16_777_216, 16_777_217),  # whole numbers have no noise
     ("1", 1),
     (None, 0),
-    (math.nan, math.nan),
     (math.inf, 1.0),
 ]
 

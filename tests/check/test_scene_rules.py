@@ -456,9 +456,6 @@ WITHOUT_EFFECT = {
     "limits far away": put(LEFT_JOINT, "physics:upperLimit", 36_000.0),
     "limits of an importer": put(LEFT_JOINT, "physics:lowerLimit", -3.4e38),
     "no limits": put(LEFT_JOINT, "physics:upperLimit", math.inf),
-    "limits that exclude each other": several(
-        put(LEFT_JOINT, "physics:lowerLimit", 1.0), put(LEFT_JOINT, "physics:upperLimit", -1.0)
-    ),
     "a caster that rolls": retype(f"{JOINTS}/caster_back_joint", "PhysicsSphericalJoint"),
     "endless force": put(LEFT_JOINT, drive("maxForce"), math.inf),
     "gravity of the earth": put(SCENE, "physics:gravityMagnitude", -math.inf),

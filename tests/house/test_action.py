@@ -144,7 +144,8 @@ def test_the_hook_of_the_linter_judges_stages_of_any_name(
 
 def test_pre_commit_can_install_the_hooks(hooks: dict[str, dict[str, Any]]) -> None:
     for hook in hooks.values():
-        assert {"id", "name", "entry", "language", "files"} <= set(hook)
+        assert {"id", "name", "entry", "language"} <= set(hook)
+        assert {"files", "types_or"} & set(hook)
         assert hook["language"] == "python"
     assert "lab3 = " in (ROOT / "pyproject.toml").read_text()
 

@@ -45,7 +45,7 @@ def test_a_label_says_since_when_there_is_a_fault(tmp_path: Path) -> None:
     assert (label["since"], label["of"]) == ("6.0", "right/stereo-cameras.usda")
     assert label["source"] == "OgnROS2CameraInfoHelper.py:350-354"
     truck = next(e for e in corpus.entries() if e.is_of_users and e.robot == "truck")
-    assert corpus.write(truck, tmp_path)["since"] == "5.0"  # all of its node types are that old
+    assert corpus.write(truck, tmp_path)["since"] == "2023.1"  # all of its node types are that old
 
 
 def test_all_labels_are_one_file(tmp_path: Path) -> None:

@@ -126,14 +126,14 @@ def unmatched_peer(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/cmd_vel` is subscribed as transient local, so that teleop moves nothing.
     """
+    directions: dict[str, set[str]] = {}
+    for endpoint in endpoints(subject.stage):
+        directions.setdefault(endpoint.topic or "", set()).add(endpoint.direction)
     for endpoint in endpoints(subject.stage):
         if endpoint.qos is None or not endpoint.runs:
             continue
         why = unmatched(endpoint.direction, endpoint.type or "", endpoint.qos)
-        offered = any(
-            other.topic == endpoint.topic and other.direction != endpoint.direction
-            for other in endpoints(subject.stage)
-        )
+        offered = bool(directions[endpoint.topic or ""] - {endpoint.direction})
         if why and not offered:  # else K43 says so of the two
             yield Problem(
                 endpoint.node.path,
