@@ -175,7 +175,10 @@ def _contact(machine: Machine, joint: Joint, stance: Stance, unit: float) -> Con
     link = machine.link_of(joint)
     inner = joint.bodies.index(link)
     carrier = joint.bodies[1 - inner]
-    if any(above.rollers is not None for above in machine.above(carrier)):
+    on_wheel = (
+        j.rollers is not None or (j.damping > 0 >= j.stiffness) for j in machine.above(carrier)
+    )
+    if not joint.holds and any(on_wheel):
         return None  # a roller of a wheel, which turns it out of the way
     frame = Affine(machine.start.rows).then(machine.rest[link]).then(joint.frames[inner])
     axle = frame.turn(joint.axis)
@@ -184,7 +187,10 @@ def _contact(machine: Machine, joint: Joint, stance: Stance, unit: float) -> Con
         return None
     parts = _parts(machine, joint, link)
     rollers = [body for body in machine.rest if body not in parts and joint in machine.above(body)]
-    bodies = [*parts, *rollers] if joint.rollers is not None else parts
+    # A wheel without a shape of its own stands on what turns freely on it.
+    is_bare = joint.holds and not any(stance.solids[body] for body in parts)
+    hanging = [body for body in rollers if not machine.parents[body].holds]
+    bodies = [*parts, *(rollers if joint.rollers is not None else hanging if is_bare else ())]
     shapes = [shape for body in bodies for shape in stance.solids[body]]
     touching = _touching(shapes, stance, unit)
     if not touching:
@@ -205,7 +211,8 @@ def _contact(machine: Machine, joint: Joint, stance: Stance, unit: float) -> Con
     way = (-spin[0] / radius, -spin[1] / radius) if radius else (axle[1] / flat, -axle[0] / flat)
     wheel = Wheel(joint, sign, radius, way, (x, y), carrier)
     own = [shape for shape, _ in touching]
-    reasons = (_oddness(shape, frame.origin, axle, unit) for shape in own)
+    rigid = [shape for shape in own if any(shape in stance.solids[body] for body in parts)]
+    reasons = (_oddness(shape, frame.origin, axle, unit) for shape in rigid)
     odd = next(filter(None, reasons), "")
     return Contact(wheel, own, odd)
 
