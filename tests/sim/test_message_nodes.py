@@ -86,7 +86,7 @@ def test_a_message_of_any_type_is_published_from_the_third_signal_on(tmp_path: P
     lone = node(f"{ROS}ROS2Publisher", {**values, "messageSubfolder": "msg", "data": 2.5})
     assert [lone.compute(here), lone.compute(here), lone.compute(here)] == [False, True, True]
     (message,) = here.network.sent
-    assert message.data == Fields({})
+    assert message.data == Fields({"data": 2.5})
     assert not node(f"{ROS}ROS2Publisher", {"messagePackage": "std_msgs"}).compute(here)
 
 

@@ -92,7 +92,7 @@ def rules_of_lab(lab: Lab) -> dict[str, Rule]:
     }
 
 
-_WITHOUT_A_LAB = ("lint", "native")
+_WITHOUT_A_LAB = ("lint", "script", "native")
 _OF_FAMILY = {
     "L": "lidar",
     "C": "camera",

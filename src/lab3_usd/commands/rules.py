@@ -14,6 +14,7 @@ from lab3_usd.data import own_lab
 from lab3_usd.report.safe_text import folded
 from lab3_usd.spec.load.loader import load_lab
 
+_ANY_STAGE = ("lint", "script")
 LEAST = 72  # columns that a list is wrapped to
 
 
@@ -33,7 +34,9 @@ def command(*, whole: bool, config_file: str | None) -> None:
     lab = load_lab()
     rules = rules_in(lab)
     if not whole:
-        linted = {} if own_lab() else {name: r for name, r in rules.items() if r.scope == "lint"}
+        linted = (
+            {} if own_lab() else {name: r for name, r in rules.items() if r.scope in _ANY_STAGE}
+        )
         rules = linted | rules_of_lab(lab)
     click.echo("\n".join(rule_lines(list(rules.values()))))
 

@@ -48,13 +48,14 @@ def for_loop(node: NodeInstance, world: World) -> bool:
     step = node.whole("step", world)
     if step == 0:
         return node.fails("its step is 0", "no-number-input")
-    numbers = range(node.whole("start", world), node.whole("stop", world), step)
+    start, stop = node.whole("start", world), node.whole("stop", world)
     index = node.memory.get("index", 0)
-    if index >= len(numbers):
+    value = start + index * step
+    if (value >= stop) if step > 0 else (value <= stop):
         node.memory.pop("index", None)
         node.enabled.append("finished")
         return True
-    node.outputs.update(index=index, value=numbers[index])
+    node.outputs.update(index=index, value=value)
     node.memory["index"] = index + 1
     node.enabled.append("loopBody")
     node.again = True
