@@ -165,7 +165,8 @@ def test_the_first_ten_minutes_of_the_readme(
     environment = {**kept, "PATH": f"{programs}{os.pathsep}{os.environ['PATH']}"}
     page = [*blocks(repository / "README.md")]
     consoles = [sessions(block.text) for block in page if block.language == "console"]
-    examples = [example for console in consoles for example in console]
+    # The first screen has two files of the clone; test_docs runs it.
+    examples = [example for console in consoles[1:] for example in console]
     commands = [command.removesuffix(STATUS) for command, _ in examples]
     assert [each for each in commands if not re.fullmatch(r"lab3 [\w ./-]+", each)] == []
     calls = json.dumps([shlex.split(command) for command in commands])
