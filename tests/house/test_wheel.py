@@ -181,7 +181,7 @@ def test_the_first_ten_minutes_of_the_readme(
         assert matches(expected, printed + code), f"$ {command}\n{printed}{code}"
     Sdf.Layer.FindOrOpen(str(tmp_path / "carter.usda")).Export(str(tmp_path / "my_robot.usd"))
     own = subprocess.run(
-        ["/bin/sh", "-c", page[0].text], cwd=tmp_path, env=environment,
+        [programs / "lab3", "lint", "my_robot.usd"], cwd=tmp_path, env=environment,
         capture_output=True, text=True, check=False, timeout=100,
     )  # fmt: skip
     assert "my_robot.usd: fail, 3 errors" in own.stderr + own.stdout
