@@ -285,7 +285,7 @@ def unknown_parts(text: str) -> list[str]:
     _, *words = shlex.split(line.replace("...", ""))
     if words[:1] == ["--lab"]:
         words = words[2:]
-    if not words or words[0] in {"COMMAND", "--help", "--version"}:
+    if not words or words[0] in {"COMMAND", "help", "--help", "--version"}:
         return []
     if words[0] not in cli.COMMANDS:
         return [words[0]]
