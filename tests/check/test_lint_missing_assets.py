@@ -6,10 +6,12 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+import quick_yaml
 from foreign_robots import ROBOTS, TICK, rover, write_graph
-from linting import said_by
+from linting import broken_robot, found_by, said_by
 from missing_assets import ROVER, rover_of_a_missing_asset
-from pxr import Sdf, Usd
+from places import TESTS
+from pxr import Sdf, Usd, UsdPhysics
 from splines_noted import copy_of
 
 from lab3_usd.model.finding import NodeCoverage, StageResult
@@ -333,27 +335,43 @@ def test_nodes_of_one_unknown_type_are_one_note_that_names_the_others(tmp_path: 
     assert (note.prim, note.related) == ("/World/Clock/one", ("/World/Clock/two",))
 
 
-@pytest.mark.parametrize("where", [ROVER, f"{ROVER}/chassis", f"{ROVER}/chassis/sensor"])
-@pytest.mark.parametrize(
-    ("wrong", "rule"),
-    [
-        ({"/World/Drive/drive.inputs:wheelRadius": 1.0}, "K64"),
-        (
-            {"/World/Drive/left.inputs:value": "right", "/World/Drive/right.inputs:value": "left"},
-            "K66",
-        ),
-        ({f"{ROVER}/left_wheel_joint.drive:angular:physics:stiffness": 1000.0}, "K62"),
-    ],
-)
-def test_an_asset_that_is_missing_beside_the_wheels_hides_nothing_of_them(
-    tmp_path: Path, where: str, wrong: dict[str, float | str], rule: str
-) -> None:
+BESIDE = {
+    "K15": "",
+    "K61": "a joint to the world",
+    "K62": "",
+    "K64": "",
+    "K66": "",
+    "K68": "two speeds for all of three joints",
+    "K69": "",
+    "K87": "",
+    "K88": "",
+}
+
+
+@pytest.mark.parametrize("rule", BESIDE)
+def test_an_asset_that_is_missing_beside_what_a_finding_reads_hides_nothing(rule: str) -> None:
+    case = quick_yaml.load((TESTS / "lint_cases" / f"{rule}.yaml").read_text())
+    steps = (case["more"][BESIDE[rule]] if BESIDE[rule] else case)["break"]
+    stage = broken_robot(case.get("robot", "rover"), steps)
+    found = [finding.prim for finding in found_by(rule, stage).findings]
+    assert found
+    bodies = [prim for prim in stage.Traverse() if prim.HasAPI(UsdPhysics.RigidBodyAPI)]
+    base = next(prim.GetPath() for prim in bodies if "wheel" not in prim.GetName())
+    for place in (base.AppendChild("sensor"), base.GetParentPath().AppendChild("deco")):
+        stage.DefinePrim(place).GetReferences().AddReference("./lidar.usd")
+    assert [finding.prim for finding in found_by(rule, stage).findings] == found
+
+
+def test_speeds_for_joints_that_a_missing_asset_may_have_are_not_judged() -> None:
     stage = rover()
-    for path, value in wrong.items():
-        said = f"{value}_wheel_joint" if isinstance(value, str) else value
-        stage.GetAttributeAtPath(path).Set(said)
-    stage.DefinePrim(where).GetReferences().AddReference("./lidar.usd")
-    assert rule in {finding.rule for finding in result_of(stage, tmp_path).findings}
+    move = stage.GetPrimAtPath("/World/Drive/move")
+    move.GetAttribute("inputs:jointNames").ClearConnections()
+    speeds = move.GetAttribute("inputs:velocityCommand")
+    speeds.ClearConnections()
+    speeds.Set([1.0, 2.0, 3.0])
+    assert len(found_by("K68", stage).findings) == 1
+    stage.DefinePrim(f"{ROVER}/arm").GetReferences().AddReference("./arm.usd")
+    assert found_by("K68", stage).findings == ()
 
 
 def test_an_asset_that_is_missing_in_a_wheel_may_hold_its_shape(tmp_path: Path) -> None:

@@ -223,7 +223,8 @@ def refused_target(node: Node, stage: StageModel) -> RefusedTarget | None:
     prim = stage.prim(next(iter(node.targets(INPUT + asked.input)), ""))
     if prim is None or _is_readable(prim, asked, stage):
         return None
-    return RefusedTarget(asked, prim, stage.unknown_below(prim.path))
+    unknown = stage.unknown_below if asked.holds else stage.unknown
+    return RefusedTarget(asked, prim, unknown(prim.path))
 
 
 def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:

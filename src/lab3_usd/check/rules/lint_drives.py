@@ -143,11 +143,11 @@ def _unread(
 ) -> UnresolvedAsset | None:
     """Return the missing asset that could let a joint follow, or say that it is not commanded.
 
-    Where a command names its joints, that is one which sets the value; else any of the robot's.
+    That is one which could set the value, and where no names are known one that holds the robot.
     """
-    if not command.names:
-        return command.unknown
-    return stage.unknown_value(joint, why.property) if why.property else stage.unknown(joint.path)
+    own = () if not why.property or why.property in joint.attributes else (joint.path,)
+    of_robot = () if command.names else command.roots
+    return stage.unknown(*own, *of_robot)
 
 
 def _problem(

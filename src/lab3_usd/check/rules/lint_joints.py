@@ -22,7 +22,7 @@ from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Place, Problem, display
-from lab3_usd.model.physics import BODIES, bodies
+from lab3_usd.model.physics import BODIES, bodies, ends, joints_at
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel, UnresolvedAsset
 
@@ -62,7 +62,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                     f"{joint.path} ties no link of the robot: {_ends_of(joint, subject.stage)}",
                     property=command.ports.joints,
                     related=(joint.path,),
-                    rests_on=command.unknown,
+                    rests_on=_unknown_tie(joint, subject.stage),
                     assumes=((command.node.path, command.port),),
                 )
         yield from _joint_numbers(command, subject)
@@ -77,6 +77,15 @@ def _ends_of(joint: Prim, stage: StageModel) -> str:
         else f"{name} names nothing"
         for name, path in ends
     )
+
+
+def _unknown_tie(joint: Prim, stage: StageModel) -> UnresolvedAsset | None:
+    """Return the missing asset with a body to which joints tie the bodies of this one.
+
+    An asset below a prim ties nothing beside it: USD drops targets outside of what is referred to.
+    """
+    tied = (body for other in joints_at(ends(joint), stage) for body in ends(other))
+    return stage.unknown(joint.path, *tied)
 
 
 def _joint_numbers(command: Command, subject: LintSubject) -> Iterator[Problem]:
@@ -146,7 +155,7 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
         # Without a name all joints are meant.
         is_for_all = command.names == () and facts is not None and not may_spread
         axes = number_of_axes(command, subject.stage) if is_for_all else None
-        joints = axes if is_for_all else len(command.names or ())
+        joints = axes or 0 if is_for_all else len(command.names or ())
         listing = command.ports.joints
         if command.names is None:  # given by number
             numbers = listed(command.node, command.ports.indices, subject.live)
@@ -164,7 +173,8 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
                     expected=str(joints),
                     actual=str(given),
                     related=(command.robot,) if is_for_all else (),
-                    rests_on=(command.unknown if is_for_all else None)
+                    # More joints than those that are there could only ask for more commands.
+                    rests_on=(command.unknown if is_for_all and (given or 0) > joints else None)
                     or subject.stage.unknown_inputs(command.node),
                     assumes=tuple(_sizes_and_gaps(command, subject)),
                 )
@@ -200,5 +210,5 @@ def ignored_indices(subject: LintSubject) -> Iterator[Problem]:
                 property=command.ports.indices,
                 expected=f"a name in {command.ports.joints}",
                 actual=display(indices),
-                rests_on=command.unknown,
+                rests_on=None if joints else command.unknown,
             )

@@ -20,7 +20,7 @@ from lab3_usd.facts.frames import all_edges, shared_tf_topics
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import ARTICULATION_API
-from lab3_usd.model.stage import Node, UnresolvedAsset
+from lab3_usd.model.stage import Node
 
 _TWO = 2  # bodies that make a robot
 
@@ -73,7 +73,7 @@ def _by_namespace(subject: LintSubject) -> Iterator[Problem]:
                     expected=f"a prim of the robot of {robot}",
                     actual=prim,
                     related=() if node is end.node else (end.node.path,),
-                    rests_on=_unknown(subject, prim, robot),
+                    rests_on=subject.stage.unknown(prim, robot),
                 )
 
 
@@ -99,7 +99,7 @@ def _by_frame(subject: LintSubject) -> Iterator[Problem]:
     for pose in misnamed_poses(subject.stage):
         path = pose.followed.prim.path
         if bodies.owner(pose.prim) not in {"", bodies.owner(path)}:
-            yield misnamed(pose, "another robot", _unknown(subject, pose.prim, path))
+            yield misnamed(pose, "another robot", subject.stage.unknown(pose.prim, path))
 
 
 def _by_parent(subject: LintSubject) -> Iterator[Problem]:
@@ -134,7 +134,7 @@ def _by_parent(subject: LintSubject) -> Iterator[Problem]:
                 property=port,
                 expected=f"prims of the robot of {parents[path]}",
                 actual=", ".join(wrong),
-                rests_on=_unknown(subject, parents[path], *wrong),
+                rests_on=subject.stage.unknown(parents[path], *wrong),
             )
 
 
@@ -149,12 +149,6 @@ def _is_root(path: str, parents: frozenset[str], subject: LintSubject) -> bool:
     prim = subject.stage.prim(path)
     is_articulation = prim is not None and ARTICULATION_API in prim.apis
     return is_articulation or path in parents or not joined_bodies(subject.stage).carrier(path)
-
-
-def _unknown(subject: LintSubject, *paths: str) -> UnresolvedAsset | None:
-    """Return the missing asset that could hold joints or bodies around prims."""
-    tops = dict.fromkeys("/" + path.split("/")[1] for path in paths)
-    return next(filter(None, map(subject.stage.unknown_below, tops)), None)
 
 
 @rule("K59", "shared-tf-topic", scope="lint", severity="warning")

@@ -157,9 +157,7 @@ def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
                 expected="the frame of its own sensor",
                 actual=topic.frame,
                 related=paths,
-                rests_on=next(
-                    filter(None, map(subject.stage.unknown_below, map(_top, paths))), None
-                ),
+                rests_on=subject.stage.unknown(*paths),
             )
 
 
@@ -201,12 +199,6 @@ def _apart(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
         return ""
     away = subject.stage.meters_per_unit * min(distance(start, data[0]) for start, _ in places)
     return f"which stands {away:.2g} m from {topic.sensor.path}" if away > _APART else ""
-
-
-def _top(path: str) -> str:
-    """Return the prim at the root that a prim is below."""
-    end = path.find("/", 1)
-    return path if end < 0 else path[:end]
 
 
 @rule("K78", "image-info-mismatch", scope="lint", severity="warning")
