@@ -24,9 +24,9 @@ from invoking import invoke
 from lone_nodes import node
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from lab3_usd.physics.machine import Machine
 from lab3_usd.sim.execution.recording import JointStates
 from lab3_usd.sim.execution.world import RosEndpoint, World, world_of
-from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 

@@ -24,10 +24,10 @@ from scene_changes import (
 )
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, ScenePrim, about, rotation
-from lab3_usd.sim.geometry import Surface, cut, distance, height_at, joined, placed
+from lab3_usd.physics.machine import Machine
+from lab3_usd.physics.machines import Machines
+from lab3_usd.physics.surfaces import Surface, cut, distance, height_at, joined, placed
 from lab3_usd.sim.lidar import Beam, sweep
-from lab3_usd.sim.robot.machine import Machine
-from lab3_usd.sim.robot.machines import Machines
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 

@@ -13,11 +13,11 @@ from breaking import correct_stage, the_lab
 from lone_nodes import node, world
 
 from lab3_usd.model.dry_run import Input, Scene, SceneGraph, SceneNode
+from lab3_usd.physics.machines import Machines
 from lab3_usd.sim.execution.node_instance import NodeInstance, functions
 from lab3_usd.sim.execution.program import compile_graphs
 from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
 from lab3_usd.sim.execution.world import Network, World, profile_of, trimmed, world_of
-from lab3_usd.sim.robot.machines import Machines
 from lab3_usd.sim.timeline import render
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene

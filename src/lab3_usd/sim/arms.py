@@ -17,6 +17,10 @@ from lab3_usd.model.dry_run import Affine, Check, Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, JointCommand, moving_command
 from lab3_usd.model.physics import FAR, JOINT_ENABLED
+from lab3_usd.physics.bodies import collides, is_kinematic
+from lab3_usd.physics.loads import Burden, burdens
+from lab3_usd.physics.machine import FIXED, HINGE, SLIDER, Joint, Machine
+from lab3_usd.physics.machine import JOINTS as JOINT_TYPES
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
@@ -27,10 +31,6 @@ from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_root
 from lab3_usd.sim.mounting import carried_streams, held_frames
 from lab3_usd.sim.nodes.transforms import frame_name
-from lab3_usd.sim.robot.bodies import collides, is_kinematic
-from lab3_usd.sim.robot.loads import Burden, burdens
-from lab3_usd.sim.robot.machine import FIXED, HINGE, SLIDER, Joint, Machine
-from lab3_usd.sim.robot.machine import JOINTS as JOINT_TYPES
 
 JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 TURN, WAY = 0.3, 0.05  # radians and metres that the last joint is commanded to go

@@ -9,13 +9,13 @@ from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Check, heading
 from lab3_usd.model.transforms import Vector
+from lab3_usd.physics.machine import Wheel
 from lab3_usd.sim.arms import JOINTS, TRANSFORMS, shown_prims
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import RunFault, Trial, displacement
 from lab3_usd.sim.judge.motion import again, follows
-from lab3_usd.sim.robot.machine import Wheel
 from lab3_usd.sim.robots import Robot, owners_of
 
 SIZES = (0.9, 1.1)  # of what a controller gives, that the robot does

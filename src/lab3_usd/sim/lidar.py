@@ -9,7 +9,8 @@ from functools import lru_cache
 from msgspec import Struct, field
 
 from lab3_usd.model.dry_run import Affine, Scene, Segment
-from lab3_usd.sim.geometry import (
+from lab3_usd.physics.machines import Machines
+from lab3_usd.physics.surfaces import (
     Surface,
     Triangle,
     cut,
@@ -18,7 +19,6 @@ from lab3_usd.sim.geometry import (
     sections,
     straddling,
 )
-from lab3_usd.sim.robot.machines import Machines
 
 _MOST_KEPT = 128  # sweeps: a lidar that stands, or comes there again, sees the same
 NOTHING = -1.0  # what Isaac Sim writes for a ray without return

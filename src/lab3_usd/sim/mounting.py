@@ -7,11 +7,11 @@ from collections.abc import Iterator, Sequence
 from lab3_usd.model.dry_run import Affine, Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import BODY_API
+from lab3_usd.physics.machine import Machine
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Points, Scan, View
 from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
-from lab3_usd.sim.robot.machine import Machine
 
 _CLOUD, _INFO = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CameraInfo"
 _SENSORS = ("Camera", "OmniLidar", "OmniRadar")

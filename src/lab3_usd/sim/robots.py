@@ -13,6 +13,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
+from lab3_usd.physics.machine import Machine
 from lab3_usd.sim.arms import JOINTS, TRANSFORMS, Reach, joint_drive, reach_of
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
@@ -20,7 +21,6 @@ from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Standing, Worl
 from lab3_usd.sim.judge.expectations import Expected
 from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name
-from lab3_usd.sim.robot.machine import Machine
 from lab3_usd.sim.timeline import Player, in_metres, player_of
 
 TWIST = "geometry_msgs/msg/Twist"

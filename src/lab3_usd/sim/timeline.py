@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
 from lab3_usd.model.physics import SCENE, number
+from lab3_usd.physics.machine import Machine
+from lab3_usd.physics.unmodelled import unmodelled
 from lab3_usd.sim.execution.changes import unplayed_change
 from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames, joint_command
 from lab3_usd.sim.execution.node_instance import FRAME, STEP, Failure
@@ -32,8 +34,6 @@ from lab3_usd.sim.judge.expectations import SIZE, Expected, Trial
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.sim.nodes.sensors import UNSEEN
 from lab3_usd.sim.nodes.transforms import OPTICAL
-from lab3_usd.sim.robot.machine import Machine
-from lab3_usd.sim.robot.unmodelled import unmodelled
 
 
 def render(world: World) -> None:

@@ -21,11 +21,11 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
+from lab3_usd.physics.machines import Machines
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.recording import Message, Profile
 from lab3_usd.sim.lidar import Beam, Surroundings
-from lab3_usd.sim.robot.machines import Machines
 
 SUBSCRIBER = "subscriber"
 _NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")

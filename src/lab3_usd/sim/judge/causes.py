@@ -13,12 +13,12 @@ from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import FAR
 from lab3_usd.model.traction import Pull
+from lab3_usd.physics.machine import DRIVE, Joint, Machine
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.world import SUBSCRIBER
 from lab3_usd.sim.judge.expectations import Cause, RunFault
-from lab3_usd.sim.robot.machine import DRIVE, Joint, Machine
 
 _RADIUS = "wheelRadius"
 _TYPE = "type"  # the input of a helper that says what it publishes

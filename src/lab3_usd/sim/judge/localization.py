@@ -13,8 +13,8 @@ from msgspec.structs import replace
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import Cell, MapFit, OccupancyMap
+from lab3_usd.physics.surfaces import distance
 from lab3_usd.sim.execution.recording import Scan
-from lab3_usd.sim.geometry import distance
 from lab3_usd.sim.judge.expectations import RunFault, Trial, in_root
 from lab3_usd.sim.lidar import directions
 

@@ -7,11 +7,11 @@ from __future__ import annotations
 
 import math
 
+from lab3_usd.physics.machine import SLIDER, Joint
 from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
 from lab3_usd.sim.execution.recording import JointStates, Message
 from lab3_usd.sim.execution.world import World, open_endpoint, send
 from lab3_usd.sim.nodes.robot import joints_at, received
-from lab3_usd.sim.robot.machine import SLIDER, Joint
 
 _TYPE = "sensor_msgs/msg/JointState"
 _ROTATION, _TRANSLATION = 0, 1  # of a degree of freedom

@@ -12,6 +12,7 @@ from lab3_usd.model.dry_run import Affine, ScenePrim
 from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.qos import unmatched
 from lab3_usd.model.transforms import Vector, cross, dot, length
+from lab3_usd.physics.machine import Joint, Machine
 from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
 from lab3_usd.sim.execution.world import (
@@ -22,7 +23,6 @@ from lab3_usd.sim.execution.world import (
     send,
 )
 from lab3_usd.sim.nodes.core import wxyz, xyzw
-from lab3_usd.sim.robot.machine import Joint, Machine
 
 _LIMITS = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
 _NO_LIMIT = float("inf")

@@ -13,12 +13,12 @@ from msgspec import Struct
 from lab3_usd.model.dry_run import Affine, Quaternion, Scene, ScenePrim
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
+from lab3_usd.physics.machine import Machine, Posture
+from lab3_usd.physics.spots import Spot
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Later, Message, Transforms
 from lab3_usd.sim.execution.world import RosEndpoint, World, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
-from lab3_usd.sim.robot.machine import Machine, Posture
-from lab3_usd.sim.robot.spots import Spot
 
 ROOT, BODY, ROBOT = "PhysicsArticulationRootAPI", "PhysicsRigidBodyAPI", "IsaacRobotAPI"
 LINK, JOINT = "IsaacLinkAPI", "IsaacJointAPI"

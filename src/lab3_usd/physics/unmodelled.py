@@ -12,9 +12,9 @@ from lab3_usd.model.physics import SCENE, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.solids import box_of
 from lab3_usd.model.transforms import length, minus
-from lab3_usd.sim.robot.bodies import collides
-from lab3_usd.sim.robot.machine import HINGE, JOINTS, Joint, Machine
-from lab3_usd.sim.robot.machines import Machines
+from lab3_usd.physics.bodies import collides
+from lab3_usd.physics.machine import HINGE, JOINTS, Joint, Machine
+from lab3_usd.physics.machines import Machines
 
 _GROUP = "PhysicsCollisionGroup"
 _OWNER, _PAIRS = "physics:simulationOwner", "physics:filteredPairs"

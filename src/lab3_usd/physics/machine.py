@@ -17,7 +17,7 @@ from lab3_usd.model.dry_run import AXES, Affine, Segment, about
 from lab3_usd.model.joint_drives import JointCommand
 from lab3_usd.model.traction import Pull
 from lab3_usd.model.transforms import Vector
-from lab3_usd.sim.geometry import Surface, distance, height_at
+from lab3_usd.physics.surfaces import Surface, distance, height_at
 
 HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"
 FIXED = "PhysicsFixedJoint"

@@ -10,9 +10,9 @@ from lab3_usd.model.dry_run import Affine, Scene
 from lab3_usd.model.physics import EARTH, GRAVITY, SCENE, number, slant
 from lab3_usd.model.traction import GRAVITY as EARTHS
 from lab3_usd.model.transforms import Vector, cross, dot, minus
-from lab3_usd.sim.robot.bodies import Bodies
-from lab3_usd.sim.robot.machine import HINGE, SLIDER, Joint, Machine
-from lab3_usd.sim.robot.stance import Stance, stance_of
+from lab3_usd.physics.bodies import Bodies
+from lab3_usd.physics.machine import HINGE, SLIDER, Joint, Machine
+from lab3_usd.physics.stance import Stance, stance_of
 
 FAR = {HINGE: 0.3, SLIDER: 0.05}  # radians and metres to which joints are taken to have gone
 HELD = {HINGE: 0.05, SLIDER: 0.01}  # by which the weight may pull one off its place

@@ -10,7 +10,7 @@ from typing import get_args
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
 from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance
 from lab3_usd.model.physics import EXCLUDED, SCENE, limits, number
-from lab3_usd.sim.robot.machine import (
+from lab3_usd.physics.machine import (
     DRIVE,
     FIXED,
     HINGE,

@@ -21,10 +21,8 @@ from lab3_usd.model.traction import (
     surface_of,
 )
 from lab3_usd.model.transforms import Vector, cross, length, minus
-from lab3_usd.sim.geometry import Surface as GroundSurface
-from lab3_usd.sim.geometry import cut, ground_of, height_at, is_mirrored, placed
-from lab3_usd.sim.robot.bodies import ROOT, Bodies, collides, of_another_scene
-from lab3_usd.sim.robot.machine import (
+from lab3_usd.physics.bodies import ROOT, Bodies, collides, of_another_scene
+from lab3_usd.physics.machine import (
     FIXED,
     HINGE,
     Floor,
@@ -33,8 +31,8 @@ from lab3_usd.sim.robot.machine import (
     Wheel,
     solution,
 )
-from lab3_usd.sim.robot.spots import Spot
-from lab3_usd.sim.robot.stance import (
+from lab3_usd.physics.spots import Spot
+from lab3_usd.physics.stance import (
     DENSITY,
     SPHERICAL,
     Contact,
@@ -44,6 +42,8 @@ from lab3_usd.sim.robot.stance import (
     solid_of,
     stance_of,
 )
+from lab3_usd.physics.surfaces import Surface as GroundSurface
+from lab3_usd.physics.surfaces import cut, ground_of, height_at, is_mirrored, placed
 
 _SLIDES_OFF = (
     20.0  # degrees by which gravity pulls aside, from which on nothing stays on the ground

@@ -12,8 +12,8 @@ from lab3_usd.model.physics import FAR, MASS, number, vector
 from lab3_usd.model.solids import Sizes, Solid, solid
 from lab3_usd.model.statics import Stand, standing
 from lab3_usd.model.transforms import Vector, cross, dot, length, minus
-from lab3_usd.sim.robot.bodies import Bodies, collides
-from lab3_usd.sim.robot.machine import FIXED, HINGE, SLIDER, Joint, Machine, Wheel
+from lab3_usd.physics.bodies import Bodies, collides
+from lab3_usd.physics.machine import FIXED, HINGE, SLIDER, Joint, Machine, Wheel
 
 SPHERICAL = "PhysicsSphericalJoint"
 UPRIGHT = 0.5  # of the flat part of an axle: one that stands steeper rolls nowhere

@@ -7,7 +7,7 @@ from functools import cached_property
 from msgspec import Struct
 
 from lab3_usd.model.dry_run import Affine
-from lab3_usd.sim.robot.machine import Machine, Posture
+from lab3_usd.physics.machine import Machine, Posture
 
 
 class Spot(Struct, frozen=True, dict=True):

@@ -1,1 +1,0 @@
-"""Bodies, joints and wheels: exact kinematics, no forces."""
