@@ -293,7 +293,7 @@ def _rover_graphs(stage: Usd.Stage, robot: str) -> None:
                 },
             ),
             "tree": ("ros.ROS2PublishTransformTree", {}),
-            "joints": ("ros.ROS2PublishJointState", {"targetPrim": robot}),
+            "joints": ("ros.ROS2PublishJointState", {"targetPrim": base}),
         },
         [
             "tick.tick -> compute.execIn",

@@ -65,7 +65,7 @@ def joint_states(stage: Usd.Stage) -> None:
             **_START,
             "PublisherJointState": (
                 "ros.ROS2PublishJointState",
-                {"targetPrim": ROBOT, "topicName": "/joint_states"},
+                {"targetPrim": BASE, "topicName": "/joint_states"},
             ),
             "SubscriberJointState": (
                 "ros.ROS2SubscribeJointState",

@@ -35,8 +35,10 @@ from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODY_API,
     bodies_below,
+    ends,
     is_body,
     is_joint,
+    joints_at,
 )
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, absence_reason, once_per_stage
@@ -188,7 +190,7 @@ def _without_prim(stage: StageModel) -> Iterator[Stuck]:
             yield from _without_target(node, port, stage)
             unread = refused_target(node, stage)
             path = node.targets(port)[0]
-            if unread is not None or (asked.holds and _is_hollow(path, stage)):
+            if unread is not None or ((asked.holds or asked.part_of) and _is_hollow(path, stage)):
                 is_open = unread is not None and unread.unknown is not None
                 yield Stuck(node, f"{port} is {path}, which is not {asked.what}", not is_open)
 
@@ -223,22 +225,49 @@ def refused_target(node: Node, stage: StageModel) -> RefusedTarget | None:
     prim = stage.prim(next(iter(node.targets(INPUT + asked.input)), ""))
     if prim is None or _is_readable(prim, asked, stage):
         return None
-    unknown = stage.unknown_below if asked.holds else stage.unknown
-    return RefusedTarget(asked, prim, unknown(prim.path))
+    unknown = stage.unknown_below(prim.path) if asked.holds else stage.unknown(prim.path)
+    if unknown is None and asked.part_of:
+        unknown = stage.unknown(*_around(prim, stage))
+    return RefusedTarget(asked, prim, unknown)
 
 
 def _is_readable(prim: Prim, asked: TargetOf, stage: StageModel) -> bool:
     above = [carrier for path in upwards(prim.parent) if (carrier := stage.prim(path))]
     is_held = any(asked.holds in held.apis for held in stage.below(prim.path) if held.present)
-    # Physics also finds an articulation by its links and joints (PhysX, BaseSimulationView.cpp).
-    is_part = is_body(prim) or is_joint(prim)
     is_inside = any(asked.inside in carrier.apis for carrier in above)
     return (
         (not asked.types or prim.type in asked.types)
         and (not asked.schemas or bool(set(asked.schemas) & set(prim.apis)))
         and (not asked.inside or is_inside)
-        and (not asked.holds or is_held or is_part)
+        and (not asked.holds or is_held or is_body(prim) or is_joint(prim))
+        and (not asked.part_of or asked.part_of in prim.apis or _is_part(prim, stage))
     )
+
+
+def _is_part(prim: Prim, stage: StageModel) -> bool:
+    """Whether a prim is a link or joint of an articulation, wherever its root stands.
+
+    Physics finds an articulation by them too (PhysX, BaseSimulationView.cpp), and not by a prim
+    above its root.
+    """
+    own = _around(prim, stage)
+    return any(
+        path in own
+        for root in articulations("/", stage)
+        for path in (root, *bodies_below(stage, root))
+    )
+
+
+def _around(prim: Prim, stage: StageModel) -> frozenset[str]:
+    """Return a body or joint, and what joints tie to it."""
+    ahead = [prim.path] if is_body(prim) else list(ends(prim)) if is_joint(prim) else []
+    found = {*ahead}
+    while ahead:
+        tied = joints_at([ahead.pop()], stage)
+        new = {path for joint in tied for path in (joint.path, *ends(joint))} - found
+        found |= new
+        ahead += new
+    return frozenset(found)
 
 
 def switched_off_target(node: Node, stage: StageModel) -> str:

@@ -113,8 +113,9 @@ class TargetOf(Struct, frozen=True, forbid_unknown_fields=True):
     """The prims that a node can read by its input `input`.
 
     Such a prim has one of these types and one of these schemas, where any are listed. A prim above
-    it carries the schema `inside`; it or a prim below it carries `holds`. While its attribute
-    `switch` is False, nothing is read. `since` is the first release in which that holds.
+    it carries the schema `inside`; it or a prim below it carries `holds`; it carries `part_of`, or
+    is a link or joint of what does. While its attribute `switch` is False, nothing is read. `since`
+    is the first release in which that holds.
     """
 
     input: str
@@ -125,6 +126,7 @@ class TargetOf(Struct, frozen=True, forbid_unknown_fields=True):
     schemas: tuple[str, ...] = ()
     inside: str = ""
     holds: str = ""
+    part_of: str = ""
     switch: str = ""
     since: str = ""
 

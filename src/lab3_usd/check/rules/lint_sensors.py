@@ -8,6 +8,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.facts.articulations import articulations
 from lab3_usd.facts.execution_order import effective_value, nodes_of
 from lab3_usd.facts.read_sensors import read_lidars, read_sensors
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
@@ -17,7 +18,7 @@ from lab3_usd.isaac.node_types import INPUT, KIND
 from lab3_usd.isaac.release_changes import crosses
 from lab3_usd.isaac.releases import order
 from lab3_usd.isaac.topics import PRODUCT
-from lab3_usd.model.changes import ApplySchema, Edit, RenameProperty, SetValue
+from lab3_usd.model.changes import ApplySchema, Edit, RenameProperty, Retarget, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import is_body
 from lab3_usd.model.prims import Prim, upwards
@@ -34,7 +35,8 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
     Why: the node finds no sensor, body or articulation there. It logs an error or stays silent, and
     its outputs stay 0.
 
-    Fix: in the Property panel, choose a prim of the kind that the node reads.
+    Fix: in the Property panel, choose a prim of the kind that the node reads. For joint states that
+    is the articulation root, or a link or joint of the robot, and no prim above the root.
 
     Example: `inputs:lidarPrim` of an Isaac Read Lidar Beams, a node for PhysX lidars, names an
     `OmniLidar`.
@@ -44,13 +46,18 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
         unread = refused_target(node, subject.stage)
         if unread is not None:
             asked, path = unread.asked, unread.prim.path
+            roots = articulations(path, subject.stage) if asked.part_of else ()
+            what = f"above {roots[0]}, the articulation root" if roots else f"not {asked.what}"
             yield Problem(
                 node.path,
-                f"{INPUT}{asked.input} is {path}, which is not {asked.what}: {asked.effect}",
+                f"{INPUT}{asked.input} is {path}, which is {what}: {asked.effect}",
                 property=INPUT + asked.input,
-                expected=asked.what,
+                expected=roots[0] if roots else asked.what,
                 actual=path,
-                related=(path,),
+                related=(path, *roots[:1]),
+                fix=(Retarget(node.path, INPUT + asked.input, tuple(roots)),)
+                if len(roots) == 1
+                else (),
                 rests_on=unread.unknown,
             )
 
