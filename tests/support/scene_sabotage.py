@@ -275,7 +275,9 @@ def _loose() -> list[Sabotage]:
         ),
     ]
     base = f"{JOINTS}/base_joint"
+    excluded = "physics:excludeFromArticulation"
     found += [
+        Sabotage("base joint excluded", "02", switch(base, excluded, on=True), (base, excluded)),
         Sabotage("base on a ball joint", "02", retype(base, "PhysicsSphericalJoint"), (base, None)),
         Sabotage(
             "lidar link held on its side",

@@ -27,6 +27,7 @@ from lab3_usd.model.physics import (
     is_excluded,
     is_joint_type,
     is_switched_off,
+    joints,
     joints_at,
     limits,
     number,
@@ -208,6 +209,48 @@ def _first_joints(stage: StageModel) -> Mapping[str, Mapping[str, tuple[int, Pri
                 for top in ("/", *upwards(path)):
                     first.setdefault(top, {}).setdefault(joint.name, (number_of_joint, joint))
     return first
+
+
+@once_per_stage
+def cut_off(stage: StageModel) -> Mapping[str, Prim]:
+    """Map each joint that no articulation has to the joint, excluded from it, that cuts it off.
+
+    An articulation goes from its root as far as joints lead that are not excluded (PhysX).
+    """
+    working = joints(stage)
+    if not any(map(is_excluded, working)):
+        return {}
+    carrier, known = joined_bodies(stage).carrier, rigid_bodies(stage)
+    ties: dict[str, list[Prim]] = {}
+    for joint in working:
+        for body in dict.fromkeys(filter(None, map(carrier, ends(joint)))):
+            ties.setdefault(body, []).append(joint)
+    roots = [prim.path for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
+    # A root that is no body may stand for several articulations.
+    reached: dict[str, Prim | None] = {path: None for path in roots if path in known}
+    ahead = list(reached)
+    behind: list[tuple[Prim, str]] = []
+    cut: dict[str, Prim] = {}
+    while ahead or behind:
+        if ahead:
+            body = ahead.pop(0)
+            cause = reached[body]
+        else:
+            cause, body = behind.pop(0)
+            if body in reached:
+                continue
+            reached[body] = cause
+        for joint in ties.get(body, ()):
+            others = [end for end in map(carrier, ends(joint)) if end and end != body]
+            if cause is not None and not is_excluded(joint):
+                cut.setdefault(joint.path, cause)
+            for other in (end for end in others if end not in reached):
+                if is_excluded(joint) or cause is not None:
+                    behind.append((cause or joint, other))
+                else:
+                    reached[other] = None
+                    ahead.append(other)
+    return cut
 
 
 def is_loose(joint: Prim, command: Command, stage: StageModel) -> bool:

@@ -10,6 +10,7 @@ from lab3_usd.check.robot.axles import rest_frames, welds
 from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.wheels import has_no_joints, unknown_joints, wheel_joints
 from lab3_usd.check.rules.world import at_rest
+from lab3_usd.facts.articulations import cut_off
 from lab3_usd.model.changes import (
     ApplySchema,
     ClearValue,
@@ -22,6 +23,7 @@ from lab3_usd.model.physics import (
     ARTICULATION_API,
     ARTICULATION_ENABLED,
     BODIES,
+    EXCLUDED,
     FIXED,
     JOINT_ENABLED,
     bodies,
@@ -54,14 +56,15 @@ def _articulated(robot: RobotSpec) -> str:
 
 @rule("S11", "articulation", scope="robot", demands=_articulation)
 def articulation(subject: RobotSubject) -> Iterator[Problem]:
-    """The articulation root is missing, doubled or misplaced.
+    """The articulation root is missing, doubled or misplaced, or a joint ends it.
 
     Why: the Articulation Controller looks for the articulation at its target prim and below.
     Without one it reports an error in the console, and nothing moves. An
-    articulation root on the robot root works too, with the robot root as the target.
+    articulation root on the robot root works too, with the robot root as the target. A joint that
+    is excluded from the articulation, a fixed one too, ends it: no joint behind moves.
 
     Fix: select the prim and choose Add > Physics > Articulation Root. Remove another one with the
-    cross beside it in the Property panel.
+    cross beside it in the Property panel. Clear Exclude From Articulation on the joint.
 
     Example: `PhysicsArticulationRootAPI` removed from `{robot}/{base}`.
     """
@@ -105,6 +108,29 @@ def articulation(subject: RobotSubject) -> Iterator[Problem]:
             fix=(ApplySchema(target, spec.api), ClearValue(target, spec.switch)),
             unmet=(_articulated(subject.robot),),
             rests_on=subject.stage.unknown(target),
+        )
+    yield from _cut_off(subject)
+
+
+def _cut_off(subject: RobotSubject) -> Iterator[Problem]:
+    """Yield the excluded joints behind which the robot has joints."""
+    spec, behind = subject.robot.articulation, dict[str, list[str]]()
+    for path, excluded in cut_off(subject.stage).items():
+        joint = subject.stage.prims[path]
+        if joint.type != FIXED and any(_is_on_robot(end, subject) for end in bodies(joint)):
+            behind.setdefault(excluded.path, []).append(joint.name)
+    for path, names in behind.items():
+        yield Problem(
+            path,
+            f"is excluded from the articulation, which ends here and lacks {', '.join(names)}",
+            EXCLUDED,
+            "False",
+            "True",
+            spec.handout,
+            related=(spec.target,),
+            fix=(Restore(path, EXCLUDED),),
+            unmet=(_articulated(subject.robot),),
+            assumes=((path, EXCLUDED),),
         )
 
 

@@ -10,6 +10,7 @@ from lab3_usd.facts.arrays import array_items, listed
 from lab3_usd.facts.articulations import (
     Command,
     commands,
+    cut_off,
     has_joint,
     is_loose,
     joints_of,
@@ -32,7 +33,8 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
     """A controller names a joint that its robot does not have.
 
     Why: the controller logs an error for each frame, and moves none of its joints. A joint between
-    bodies that are not there, or of something else, is none of the robot's.
+    bodies that are not there, or of something else, is none of the robot's. An articulation ends at
+    a joint that is excluded from it, a fixed one too: what lies behind has no axes.
 
     Fix: use the name of the joint's prim in the Stage panel; for a joint with several axes, append
     the number of the axis, as in `hip:0`. Let Body 0 and Body 1 of the joint be links of the robot.
@@ -65,7 +67,25 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                     rests_on=_unknown_tie(joint, subject.stage),
                     assumes=((command.node.path, command.port),),
                 )
+        yield from _cut_off(command, subject.stage)
         yield from _joint_numbers(command, subject)
+
+
+def _cut_off(command: Command, stage: StageModel) -> Iterator[Problem]:
+    """Yield the excluded joints behind which a robot has joints that a controller names."""
+    known, behind = joints_of(command, stage), cut_off(stage)
+    names = command.names or () if command.roots else ()
+    lost = [known[name] for name in names if name in known and known[name].path in behind]
+    for joint in {behind[joint.path].path: behind[joint.path] for joint in lost}.values():
+        named = ", ".join(each.name for each in lost if behind[each.path] is joint)
+        yield Problem(
+            command.node.path,
+            f"the articulation lacks {named}: {joint.path} is excluded, and leads there",
+            property=command.ports.joints,
+            related=(joint.path,),
+            rests_on=stage.unknown(joint.path),
+            assumes=((command.node.path, command.port),),
+        )
 
 
 def _ends_of(joint: Prim, stage: StageModel) -> str:
