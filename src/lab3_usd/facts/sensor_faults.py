@@ -114,11 +114,11 @@ def _all_faults(platform: Platform, values: SensorValues, wrong: set[str]) -> It
     for name in dict.fromkeys(name for name, _ in models.applied(values.apis)):
         part = models.rules.get(name)
         for rule in () if part is None else part.rules:
-            if part is not None and is_within(release, rule.since, ""):
+            if part is not None and is_within(release, rule.since, rule.until):
                 for breach in breaches(rule, part, values, wrong):
                     yield SensorFault(
                         breach.names,
-                        breach.message,
+                        f"{breach.message}{rule.effect and ': '}{rule.effect}",
                         breach.expected,
                         rule.severity,
                         rule.source,
@@ -126,7 +126,7 @@ def _all_faults(platform: Platform, values: SensorValues, wrong: set[str]) -> It
                         breach.is_list,
                     )
     if is_known:
-        yield from _tokens(values, models, wrong)
+        yield from _tokens(values, platform, wrong)
         yield from _unknown_names(values, models)
         yield from _odd_instances(values.apis, models)
 
@@ -167,24 +167,24 @@ def _is_finite(value: Any) -> bool:
     return not isinstance(value, float) or math.isfinite(value)
 
 
-def _tokens(values: SensorValues, models: SensorModels, wrong: set[str]) -> Iterator[SensorFault]:
+def _tokens(values: SensorValues, platform: Platform, wrong: set[str]) -> Iterator[SensorFault]:
     """Yield tokens that the schema does not have, where no rule speaks of them."""
     for name, value in values.written.items():
         said = values.attributes.get(name)
         tokens = () if said is None or name in wrong else said.tokens
-        if tokens and value not in tokens and not _is_token_judged(name, models):
+        if tokens and value not in tokens and not _is_token_judged(name, platform):
             expected = " or ".join(tokens)
             message = f"{name} is {display(value)}, expected {expected}"
             yield SensorFault((name,), message, expected, "warning", _SCHEMA)
 
 
-def _is_token_judged(name: str, models: SensorModels) -> bool:
+def _is_token_judged(name: str, platform: Platform) -> bool:
     """Whether a rule says what the token of an attribute must be."""
     return any(
         name in map(part.whole, rule.of)
-        for part in models.rules.values()
+        for part in platform.sensor_models.rules.values()
         for rule in part.rules
-        if rule.among
+        if rule.among and is_within(platform.release, rule.since, rule.until)
     )
 
 

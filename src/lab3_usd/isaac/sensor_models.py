@@ -51,13 +51,16 @@ class ValueRule(Struct, frozen=True, forbid_unknown_fields=True):
 
     It counts `when` attributes have these values, `when_above` these numbers, and `unless` one has
     a value. Where it is broken, the `model` does not start, no laser `scan` comes, or one without
-    `returns`. `since` is the first release that is known to ask for it, `source` who says so.
+    `returns`, or `effect` says what happens. `since` is the first release that is known to ask for
+    it, `until` the last, `source` who says so.
     """
 
     of: tuple[str, ...]
     source: str
     severity: Literal["error", "warning", "note"] = "warning"
     since: str = "6.0"
+    until: str = ""
+    effect: str = ""
     when: Mapping[str, Any] = {}
     when_above: Mapping[str, float] = {}
     unless: str = ""

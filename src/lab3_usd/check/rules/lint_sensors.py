@@ -342,7 +342,8 @@ def sensor_value(subject: LintSubject) -> Iterator[Problem]:
     """A sensor has a value or attribute unknown to its model.
 
     Why: an attribute that no schema has is ignored, as is a token that is none. NVIDIA's rules for
-    Isaac Sim 6.2 refuse the other values. A sensor whose model is another one by name is a note.
+    Isaac Sim 6.2 refuse the other values, or this release is known to fail with them. A sensor
+    whose model is another one by name is a note.
 
     Fix: set the value named here, and remove an attribute that no schema has.
 
