@@ -171,7 +171,7 @@ def _configuration(config: pytest.Config, option: str, file: Path) -> Config | N
 def _as_asked(result: StageResult, option: str, config: pytest.Config) -> StageResult:
     """Return a result with the findings that the configuration asks for and no baseline knows."""
     from lab3_usd.commands.shared.baseline import without_known
-    from lab3_usd.config.settings import selected
+    from lab3_usd.config.settings import Config, selected
     from lab3_usd.model.finding import Report
     from lab3_usd.pipeline.results import with_findings
 
@@ -182,8 +182,7 @@ def _as_asked(result: StageResult, option: str, config: pytest.Config) -> StageR
     baseline = config.getoption("--lab3-baseline")
     if baseline is None:
         return result
-    every: dict[str, tuple[str, ...]] = {"select": (), "ignore": ()}
-    report = without_known(Report((result,)), Path(baseline), every).report
+    report = without_known(Report((result,)), Path(baseline), Config()).report
     (new,) = report.results
     return replace(new, gaps=()) if new.path in report.accepted else new
 

@@ -161,6 +161,28 @@ def test_a_module_is_one_idea() -> None:
     assert {name: count for name, count in lines.items() if count > MODULE_LINES} == {}
 
 
+def untyped_options(code: str) -> list[str]:
+    """Return what takes the options of a command by names that nothing checks."""
+    takers = [
+        node.name
+        for node in ast.walk(ast.parse(code))
+        if isinstance(node, ast.FunctionDef) and node.name == "command" and node.args.kwarg
+    ]
+    return [*takers, *re.findall(r"Mapping\[str, Any\]", code)]
+
+
+def test_options_by_name_alone_are_noticed() -> None:
+    assert untyped_options("def command(path: str, **options: Any) -> None: ...") == ["command"]
+    assert untyped_options("def run(options: Mapping[str, Any]) -> int: ...")
+    assert untyped_options("def command(path: str, view: ViewOptions) -> None: ...") == []
+
+
+def test_options_of_commands_are_records() -> None:
+    commands = [path for path in SOURCES if "commands" in path.parts]
+    found = {module_id(path): untyped_options(path.read_text()) for path in commands}
+    assert {module: names for module, names in found.items() if names} == {}
+
+
 def yaml_calls(tree: ast.AST) -> list[ast.Call]:
     return [
         node

@@ -6,20 +6,29 @@ import json
 import sys
 from collections.abc import Iterator, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct
 
+from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
     assets_option,
     given_words,
+    recorded,
     text_or_json,
-    use_config,
     width,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFile
-from lab3_usd.commands.shared.requests import kind_and_stage, request_of, request_options
-from lab3_usd.commands.shared.writing import check_ways, diffs, replaced, shown, writing_options
+from lab3_usd.commands.shared.requests import kind_and_stage, request_options
+from lab3_usd.commands.shared.writing import (
+    WritingOptions,
+    check_ways,
+    diffs,
+    replaced,
+    shown,
+    writing_options,
+)
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, refuse_shared, temporary_beside, write_whole
@@ -27,7 +36,7 @@ from lab3_usd.installation import command_line
 
 if TYPE_CHECKING:
     from lab3_usd.author.adding import Added, Addition, AddOptions
-    from lab3_usd.author.request import Request
+    from lab3_usd.author.request import Options, Request
     from lab3_usd.model.finding import Finding
 
 _KINDS = """\b
@@ -48,6 +57,19 @@ Kinds:
   velocity      joints at speeds, without ROS
   gripper       fingers that open and close, without ROS"""
 _LABEL, _WIDEST, _NARROWEST = 10, 34, 60  # columns of the text
+
+
+class AddingOptions(Struct, frozen=True):
+    """Where requests come from, and how their graphs are made, checked and shown."""
+
+    requests: Path | None
+    replace: bool
+    layer: Path | None
+    force: bool
+    check_drive: bool
+    release: str | None
+    form: str
+    assets: tuple[str, ...]
 
 
 @click.command("add")
@@ -72,7 +94,10 @@ _LABEL, _WIDEST, _NARROWEST = 10, 34, 60  # columns of the text
 @click.option("--isaac", "release", metavar="RELEASE", help="For this release of Isaac Sim.")
 @text_or_json
 @assets_option
-def command(words: tuple[str, ...], **options: Any) -> None:
+@recorded("asked", AddingOptions)
+def command(
+    words: tuple[str, ...], request: Options, writing: WritingOptions, asked: AddingOptions
+) -> None:
     """Add Action Graphs for ROS 2 to any stage.
 
     Robot, wheels, sizes, frames and names come from the stage; each line says what from, and which
@@ -85,23 +110,23 @@ def command(words: tuple[str, ...], **options: Any) -> None:
     from lab3_usd.author.request import Request, requests_of_file
     from lab3_usd.isaac.releases import BASE
 
-    kind, stage = kind_and_stage(words, has_file=options["requests"] is not None)
-    check_ways([stage], options)
-    use_config(stage, options["assets"])
-    if kind:
-        requests = [Request(kind, request_of(options))]
+    kind, stage = kind_and_stage(words, has_file=asked.requests is not None)
+    check_ways([stage], writing, layer=asked.layer)
+    use_config(stage, asked.assets)
+    if asked.requests is None:
+        requests = [Request(kind, request)]
     else:
-        requests = requests_of_file(options["requests"])
+        requests = requests_of_file(asked.requests)
     settings = AddOptions(
-        options["release"] or BASE,
-        force=options["force"],
-        replaces=options["replace"] or not kind,
+        asked.release or BASE,
+        force=asked.force,
+        replaces=asked.replace or not kind,
     )
     try:
-        if options["layer"] is not None:
-            status = _add_layer(stage, requests, settings, options)
+        if asked.layer is not None:
+            status = _add_layer(stage, requests, settings, asked, asked.layer)
         else:
-            status = _add(stage, requests, settings, options)
+            status = _add(stage, requests, settings, asked, writing)
     except UsageError as error:
         raise UsageError(f"{shown(stage)}: {error}") from error
     sys.exit(status)
@@ -111,41 +136,49 @@ command.help = f"{command.help}\n\n{_KINDS}"
 
 
 def _add(
-    stage: Path, requests: Sequence[Request], settings: AddOptions, options: dict[str, Any]
+    stage: Path,
+    requests: Sequence[Request],
+    settings: AddOptions,
+    asked: AddingOptions,
+    writing: WritingOptions,
 ) -> int:
     from lab3_usd.author.adding import add_graphs, check_added
 
     added = add_graphs(stage, requests, settings)
     files = {} if added.data is None else {stage: added.data}
-    if options["diff"]:
+    if writing.diff:
         for line in diffs(files, {stage: added.state}):
             click.echo(line, nl=False)
         return 1 if files else 0
     is_refused = bool(added.new) and not settings.force
-    wants = options["output"] or options["in_place"]
+    wants = writing.output or writing.in_place
     written: Path | None = None
     lines: list[str] = []
-    if wants and not is_refused and (files or options["output"]):
-        target = options["output"] or stage
-        if options["output"]:
-            refuse_existing(target, force=options["force"])
-        elif not options["force"]:
+    if wants and not is_refused and (files or writing.output):
+        target = writing.output or stage
+        if writing.output:
+            refuse_existing(target, force=asked.force)
+        elif not asked.force:
             refuse_shared(stage)
         data = added.state.content if added.data is None else added.data
         check_added(added, data, target)
-        if options["output"]:
-            write_whole(target, data, force=options["force"])
+        if writing.output:
+            write_whole(target, data, force=asked.force)
             lines.append(f"written: {shown(target)}")
         else:
             lines += replaced(
-                files, {stage: added.state}, keep=not options["no_orig"], first_alone=True
+                files, {stage: added.state}, keep=not writing.no_orig, first_alone=True
             )
         written = target
-    return _report(added, options, written, lines, shown(stage))
+    return _report(added, asked, written, lines, shown(stage))
 
 
 def _add_layer(
-    stage: Path, requests: Sequence[Request], settings: AddOptions, options: dict[str, Any]
+    stage: Path,
+    requests: Sequence[Request],
+    settings: AddOptions,
+    asked: AddingOptions,
+    target: Path,
 ) -> int:
     """Write a layer over the stage; one that is there already is extended.
 
@@ -156,7 +189,6 @@ def _add_layer(
     from lab3_usd.stage.edit.added import layer_over, sublayers
     from lab3_usd.stage.read.opening import ENDINGS
 
-    target: Path = options["layer"]
     if target.suffix.lower() not in ENDINGS[:-1]:
         raise UsageError(f"--layer {target}: a layer ends in {', '.join(ENDINGS[:-1])}")
     if target.exists():
@@ -181,14 +213,14 @@ def _add_layer(
         write_whole(target, added.data, force=content is not None)
         lines.append(f"written: {shown(target)}, over {shown(stage)}")
         written = target
-    return _report(added, options, written, lines, shown(target))
+    return _report(added, asked, written, lines, shown(target))
 
 
 def _report(
-    added: Added, options: dict[str, Any], written: Path | None, lines: Sequence[str], name: str
+    added: Added, asked: AddingOptions, written: Path | None, lines: Sequence[str], name: str
 ) -> int:
-    is_refused = bool(added.new) and not options["force"]
-    if options["form"] == "json":
+    is_refused = bool(added.new) and not asked.force
+    if asked.form == "json":
         click.echo(_as_json(added, written))
     else:
         for line in _text(added, name, is_written=written is not None):
@@ -203,8 +235,8 @@ def _report(
             words = command_line(*_call(), "--in-place")
             click.echo(f"to write: {words}")
     status = 1 if is_refused else 0
-    if options["check_drive"] and not is_refused:
-        status = max(status, _played(added, prints=options["form"] == "text"))
+    if asked.check_drive and not is_refused:
+        status = max(status, _played(added, prints=asked.form == "text"))
     return status
 
 

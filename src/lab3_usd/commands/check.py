@@ -3,22 +3,32 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd import features
-from lab3_usd.commands.shared.options import (
+from lab3_usd.commands.shared.configuration import (
+    ConfigOptions,
+    as_text,
     asset_places,
+    config_options,
+    configured,
+)
+from lab3_usd.commands.shared.options import (
+    ReportOptions,
+    RuleOptions,
+    ViewOptions,
     assets_option,
     complete_checkpoints,
-    config_options,
     native_option,
+    recorded,
     report_options,
     view_options,
-    with_config,
 )
 from lab3_usd.commands.shared.paths import Input, MapInput
 from lab3_usd.data import program
@@ -26,7 +36,24 @@ from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.commands.shared.judging import Judge
+    from lab3_usd.commands.shared.reporting import Reporting
     from lab3_usd.pipeline.results import Results, Target
+
+
+class CheckOptions(Struct, frozen=True):
+    """By what stages are judged: at which checkpoint, and with which supplied files.
+
+    `native` adds the validators of OpenUSD, and `sim` a dry run of each stage.
+    """
+
+    checkpoint: str | None
+    starter: str | None
+    maps: str | None
+    native: bool
+    sim: bool
+    submission: bool
+    require_evidence: bool
+    untrusted: bool
 
 
 @click.command("check")
@@ -56,7 +83,16 @@ if TYPE_CHECKING:
 )
 @config_options
 @view_options
-def command(paths: tuple[str, ...], **options: Any) -> None:
+@recorded("asked", CheckOptions)
+def command(
+    paths: tuple[str, ...],
+    assets: tuple[str, ...],
+    asked: CheckOptions,
+    rules: RuleOptions,
+    report: ReportOptions,
+    configuration: ConfigOptions,
+    view: ViewOptions,
+) -> None:
     """Check stages and submissions against the lab.
 
     PATHS are stage files, folders of stages, or submission folders. The checkpoint is read from
@@ -67,52 +103,73 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     Exit status: 0 no findings, 1 findings or not judged, 2 wrong usage or no such path, 3 the
     program itself failed.
     """
-    if options["untrusted"]:
-        options = {**options, "isolated": True}
-        _refuse_trust(options)
-    options = with_config(paths, options)
-    shared = tuple(options[name] for name in ("starter", "maps") if options[name] is not None)
+    if asked.untrusted:
+        _refuse_trust(asked, report, configuration, view)
+        configuration = replace(configuration, isolated=True)
+    config = configured(paths, configuration, rules, assets)
+    asked = replace(
+        asked,
+        starter=asked.starter or as_text(config.starter),
+        maps=asked.maps or as_text(config.maps),
+    )
     from lab3_usd.commands.shared.judging import run
-    from lab3_usd.commands.shared.reporting import refuse_unusable
+    from lab3_usd.commands.shared.reporting import Reporting, refuse_unusable
 
-    refuse_unusable((*paths, *shared), options)
-    judge = _untrusting_judge(options) if options["untrusted"] else _judge(shared, options)
-    sys.exit(run(paths, judge, options))
+    shared = tuple(file for file in (asked.starter, asked.maps) if file is not None)
+    refuse_unusable((*paths, *shared), report)
+    reporting = Reporting(report, view, config, asked.starter, plays=asked.sim)
+    if asked.untrusted:
+        judge = _untrusting_judge(asked.starter, assets)
+    else:
+        judge = _judge(shared, asked, reporting)
+    sys.exit(run(paths, judge, reporting))
 
 
-_TRUSTING = ("checkpoint", "maps", "sim", "native", "require_evidence", "config_file", "watch")
-
-
-def _refuse_trust(options: Mapping[str, Any]) -> None:
+def _refuse_trust(
+    asked: CheckOptions, report: ReportOptions, configuration: ConfigOptions, view: ViewOptions
+) -> None:
     """Refuse options that open untrusted files outside a worker, or judge by them.
 
     Raises:
-        UsageError: such an option is given, or no starter.
+        UsageError: such an option is given.
     """
-    for name in _TRUSTING:
-        if options[name]:
-            option = "--config" if name == "config_file" else f"--{name.replace('_', '-')}"
+    trusting = {
+        "--checkpoint": asked.checkpoint,
+        "--maps": asked.maps,
+        "--sim": asked.sim,
+        "--native": asked.native,
+        "--require-evidence": asked.require_evidence,
+        "--config": configuration.config_file,
+        "--watch": view.watch,
+    }
+    for option, value in trusting.items():
+        if value:
             raise UsageError(f"{option} is for files that are trusted, and not for --untrusted")
-    if options["form"] == "html":
+    if report.form == "html":
         raise UsageError(
             f"--format html opens the stages again: use the page that {program()} grade writes"
         )
-    if options["form"] == "gradescope":
+    if report.form == "gradescope":
         raise UsageError(
             f"--format gradescope plays the stages: use {program()} grade --format gradescope"
         )
-    if options["starter"] is None:
-        raise UsageError("--untrusted needs the instructor's starter: give --starter")
 
 
-def _untrusting_judge(options: Mapping[str, Any]) -> Judge:
-    """Return the judge of untrusted submissions: one after the other, each in a worker."""
+def _untrusting_judge(starter: str | None, assets: tuple[str, ...]) -> Judge:
+    """Return the judge of untrusted submissions: one after the other, each in a worker.
+
+    Raises:
+        UsageError: there is no starter.
+    """
     from lab3_usd.commands.shared.judging import Judge
 
-    starter, assets = Path(options["starter"]), asset_places(options["assets"])
+    if starter is None:
+        raise UsageError("--untrusted needs the instructor's starter: give --starter")
+    file = Path(starter)
+    places = asset_places(assets)
     return Judge(
         find=features.find_untrusted,
-        judge=lambda work, _jobs: features.judge_untrusted(work, starter, assets, _notify),
+        judge=lambda work, _jobs: features.judge_untrusted(work, file, places, _notify),
         module="lab3_usd.check.checker",
     )
 
@@ -121,7 +178,7 @@ def _notify(line: str) -> None:
     click.echo(f"{program()}: {line}", err=True)
 
 
-def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
+def _judge(shared: tuple[str, ...], asked: CheckOptions, reporting: Reporting) -> Judge:
     """Return the judge of stages and submissions.
 
     Raises:
@@ -129,25 +186,26 @@ def _judge(shared: tuple[str, ...], options: Mapping[str, Any]) -> Judge:
     """
     from lab3_usd.commands.shared.judging import Judge
     from lab3_usd.commands.shared.options import checkpoint_number
-    from lab3_usd.commands.shared.reporting import wants_native
+    from lab3_usd.commands.shared.reporting import GRADESCOPE, wants_native
     from lab3_usd.pipeline import entries
     from lab3_usd.pipeline.stage import JudgeSettings
     from lab3_usd.spec.load.loader import load_lab
 
-    number, starter, maps = (options[name] for name in ("checkpoint", "starter", "maps"))
+    number, starter, maps = asked.checkpoint, asked.starter, asked.maps
+    config, is_gradescope = reporting.config, reporting.report.form == GRADESCOPE
     settings = JudgeSettings(
         checkpoint=None if number is None else checkpoint_number(number, load_lab().checkpoints),
         starter=None if starter is None else Path(starter),
         maps=None if maps is None else Path(maps),
-        require_evidence=options["require_evidence"],
-        config=options["config"],
-        heeds_ignores=options["form"] != "gradescope",
-        native=wants_native(options),
-        handed_in=options["submission"] or options["form"] == "gradescope",
+        require_evidence=asked.require_evidence,
+        config=config,
+        heeds_ignores=not is_gradescope,
+        native=wants_native(is_given=asked.native, select=config.select),
+        handed_in=asked.submission or is_gradescope,
     )
 
     def judge(targets: list[Target], jobs: int) -> Iterator[Results]:
-        opened = entries.with_kept_starter(settings) if options["watch"] else settings
+        opened = entries.with_kept_starter(settings) if reporting.view.watch else settings
         return entries.judge_all(opened, targets, jobs)
 
     return Judge(

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.shared.options import config_options
+from lab3_usd.commands.shared.configuration import ConfigOptions, config_options
 from lab3_usd.commands.shared.paths import Input
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
@@ -32,7 +32,7 @@ _DEFAULTS = {
 @click.command("config")
 @click.argument("path", default=".", type=Input(path_type=Path))
 @config_options
-def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
+def command(path: Path, configuration: ConfigOptions) -> None:
     """Print the configuration with which PATH is checked, and the source of each value.
 
     It is the nearest .lab3.toml, lab3.toml, or pyproject.toml with a table [tool.lab3], in the
@@ -42,10 +42,11 @@ def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
 
     if not path.exists():
         raise UsageError(f"{path}: there is no such file or folder")
-    if isolated:
+    file = configuration.config_file
+    if configuration.isolated:
         config = Config()
     else:
-        config = load_config(Path(config_file)) if config_file else config_for([str(path)])
+        config = load_config(Path(file)) if file else config_for([str(path)])
     click.echo(f"configuration: {config.file or 'none'}")
     for key, default in _DEFAULTS.items():
         text, source = default, "(default)"

@@ -11,13 +11,13 @@ from typing import TYPE_CHECKING
 import click
 from msgspec.structs import replace
 
+from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
     assets_option,
     echo,
     isaac_option,
     terminal_width,
     text_or_json,
-    use_config,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.errors import EXIT_FOUND, unwritten

@@ -4,29 +4,31 @@ from __future__ import annotations
 
 import re
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
+    StageOptions,
     assets_option,
     checkpoint_number,
     complete_checkpoints,
     echo,
     isaac_option,
+    recorded,
     scene_option,
-    use_config,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import make_folder, refuse_existing, write_whole
 from lab3_usd.report.picture.picture_file import ENDINGS, encoder
-from lab3_usd.report.picture.svg import THEMES
+from lab3_usd.report.picture.svg import THEMES, Theme
 
 if TYPE_CHECKING:
     from lab3_usd.model.finding import Crash
@@ -34,6 +36,17 @@ if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
 
 TREE = "TF"
+
+
+class DrawOptions(Struct, frozen=True):
+    """How a stage is judged, and how its pictures look."""
+
+    form: str
+    checkpoint: str | None
+    lint: bool
+    theme: Theme
+    all_ports: bool
+    force: bool
 
 
 @click.command("draw")
@@ -73,7 +86,9 @@ TREE = "TF"
 @click.option("--force", is_flag=True, help="Replace pictures that exist.")
 @scene_option
 @assets_option
-def command(target: str, folder: Path, **options: Any) -> None:
+@recorded("reading", StageOptions)
+@recorded("asked", DrawOptions)
+def command(target: str, folder: Path, asked: DrawOptions, reading: StageOptions) -> None:
     """Draw each Action Graph and the TF tree of a stage, with its faults marked.
 
     FILE is a stage; its checkpoint is read from its name, or given with --checkpoint. A stage
@@ -82,28 +97,28 @@ def command(target: str, folder: Path, **options: Any) -> None:
     """
     from lab3_usd.spec.load.loader import load_lab
 
-    use_config(Path(target), options["assets"])
+    use_config(Path(target), reading.assets)
     lab = load_lab()
-    path, form, force = Path(target), options["form"], options["force"]
-    if options["lint"] and options["checkpoint"] is not None:
+    path, force = Path(target), asked.force
+    if asked.lint and asked.checkpoint is not None:
         raise UsageError("--lint and --checkpoint exclude each other")
-    if options["lint"]:
-        drawing = _linted(path, options["release"], options["all_ports"], options["scene"] or "")
+    if asked.lint:
+        drawing = _linted(path, reading, every_port=asked.all_ports)
     elif target in lab.graphs or target == TREE:
-        if options["release"] is not None:
+        if reading.release is not None:
             raise UsageError("--isaac goes with a stage: the lab names the release of its graphs")
-        drawing = Drawing([_reference(lab, target, options["all_ports"])], "")
+        drawing = Drawing([_reference(lab, target, every_port=asked.all_ports)], "")
     elif path.suffix or path.exists():
-        drawing = _of_stage(lab, path, options, options["scene"] or "")
+        drawing = _of_stage(lab, path, asked, reading)
     else:
         names = ", ".join([*lab.graphs, TREE])
         raise UsageError(f"'{target}' is no stage file and no graph of the lab; graphs are {names}")
-    encode = encoder(form, options["theme"])
+    encode = encoder(asked.form, asked.theme)
     if not drawing.pictures:
         raise UsageError(
             f"{target}: has no Action Graph and no TF tree, so there is nothing to draw"
         )
-    paths = list(_paths(drawing, folder, ENDINGS[form]))
+    paths = list(_paths(drawing, folder, ENDINGS[asked.form]))
     refuse_inputs(paths)
     for path in paths:
         refuse_existing(path, force=force)
@@ -125,7 +140,7 @@ class Drawing(Struct, frozen=True):
     crashes: tuple[Crash, ...] = ()
 
 
-def _reference(lab: Lab, name: str, every_port: bool) -> Picture:  # noqa: FBT001
+def _reference(lab: Lab, name: str, *, every_port: bool) -> Picture:
     from lab3_usd.report.pictures.graph_picture import spec_picture
     from lab3_usd.report.pictures.tf_picture import spec_frames_picture
 
@@ -134,26 +149,21 @@ def _reference(lab: Lab, name: str, every_port: bool) -> Picture:  # noqa: FBT00
     return spec_picture(lab.graphs[name], every_port=every_port)
 
 
-def _of_stage(
-    lab: Lab,
-    path: Path,
-    options: Mapping[str, Any],
-    scene: str,
-) -> Drawing:
+def _of_stage(lab: Lab, path: Path, asked: DrawOptions, reading: StageOptions) -> Drawing:
     from lab3_usd.check.checker import judge
     from lab3_usd.pipeline.any_stage import lab_in_release, read_any
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.pictures.graph_picture import stage_pictures
 
-    number, every_port = options["checkpoint"], options["all_ports"]
+    number, every_port = asked.checkpoint, asked.all_ports
     number = (
         checkpoint_of(path.name, lab)
         if number is None
         else checkpoint_number(number, lab.checkpoints)
     )
-    if options["release"] is not None:
-        lab = lab_in_release(lab, options["release"], number)
-    stage = read_any(path, lab.platform, scene)
+    if reading.release is not None:
+        lab = lab_in_release(lab, reading.release, number)
+    stage = read_any(path, lab.platform, reading.scene or "")
     stem = f"{path.stem}-"
     if number is None:
         bare = list(stage_pictures(lab, None, stage, every_port=every_port))
@@ -168,15 +178,15 @@ def _of_stage(
     return Drawing(list(pictures), stem, judged.crashes)
 
 
-def _linted(path: Path, release: str | None, every_port: bool, scene: str) -> Drawing:  # noqa: FBT001
+def _linted(path: Path, reading: StageOptions, *, every_port: bool) -> Drawing:
     """Draw a stage with what the linter finds; findings elsewhere than in its graphs are listed."""
     from lab3_usd.check.lint import lint
     from lab3_usd.isaac.releases import BASE
     from lab3_usd.pipeline.any_stage import lint_platform, read_any
     from lab3_usd.report.pictures.graph_picture import linted_pictures
 
-    platform = lint_platform(release or BASE)
-    stage = read_any(path, platform, scene)
+    platform = lint_platform(reading.release or BASE)
+    stage = read_any(path, platform, reading.scene or "")
     found = lint(LintSubject(stage))
     pictures = linted_pictures(stage, found.findings, every_port=every_port)
     return Drawing(list(pictures), f"{path.stem}-", found.crashes)

@@ -4,32 +4,40 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any
 
 import click
+from msgspec import Struct
+from msgspec.structs import replace
 
+from lab3_usd.commands.shared.configuration import (
+    ConfigOptions,
+    as_text,
+    config_options,
+    configured,
+)
 from lab3_usd.commands.shared.options import (
+    RuleOptions,
     assets_option,
     checkpoint_number,
     complete_checkpoints,
-    config_options,
     echo_folded,
     given_words,
     lab_words,
+    recorded,
     rules_options,
-    with_config,
 )
 from lab3_usd.commands.shared.paths import Input
-from lab3_usd.commands.shared.reporting import selected_findings
 from lab3_usd.commands.shared.writing import (
+    WritingOptions,
     check_ways,
     diffs,
     replaced,
     shown,
     writing_options,
 )
+from lab3_usd.config.settings import Config, selected
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
@@ -53,39 +61,62 @@ from lab3_usd.stage.read.opening import check_file
 from lab3_usd.stage.read.watched_files import used_files
 
 
-def run(paths: Sequence[str], options: Mapping[str, Any]) -> int:
+class RepairOptions(Struct, frozen=True):
+    """What is repaired: the findings of lint or of a checkpoint, with what is likely or not.
+
+    `starter` is the one that missing parts come from. With `force`, any file is replaced.
+    """
+
+    lint: bool = False
+    unsafe: bool = False
+    starter: str | None = None
+    checkpoint: str | None = None
+    release: str | None = None
+    moved_from: str | None = None
+    force: bool = False
+
+
+def repair_stages(
+    paths: Sequence[str], repair: RepairOptions, writing: WritingOptions, config: Config
+) -> int:
     """Repair stages, write and print what was asked for, and return the exit status.
 
     Raises:
         UsageError: the options do not go together, or a file cannot be written.
         StageError: there is no stage at a path, or the only one cannot be opened.
     """
-    stages = [stage for path in paths for stage in _stages(Path(path), options)]
-    _check_options(stages, options)
+    stages = [stage for path in paths for stage in _stages(Path(path), repair, config)]
+    check_ways(stages, writing)
+    for name, release in (("--isaac", repair.release), ("--from", repair.moved_from)):
+        if release is not None and not repair.lint:
+            raise UsageError(f"{name} goes with --lint")
+    repair = replace(repair, starter=repair.starter or as_text(config.starter))
     if len(stages) == 1:
-        return _fix(stages[0], options)
-    return max(_fix_one_of_several(stage, options) for stage in stages)
+        return _fix(stages[0], repair, writing, config)
+    return max(_fix_one_of_several(stage, repair, writing, config) for stage in stages)
 
 
-def _fix_one_of_several(stage: Path, options: Mapping[str, Any]) -> int:
+def _fix_one_of_several(
+    stage: Path, repair: RepairOptions, writing: WritingOptions, config: Config
+) -> int:
     try:
-        return _fix(stage, options)
+        return _fix(stage, repair, writing, config)
     except Lab3Error as error:  # which the other stages do not wait for
         click.echo(f"{program()}: {visible(str(error))}", err=True)
         return 2
 
 
-def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
+def _stages(path: Path, repair: RepairOptions, config: Config) -> Iterator[Path]:
     """Yield a stage, or those in and below a folder that can be judged."""
     if not path.is_dir():
         if is_script_file(path):
-            _check_script(path, options)
+            _check_script(path, repair)
         else:
             check_file(path)
         yield path
         return
-    files = [Path(entry.path) for entry in find_linted(str(path), options["config"])]
-    if not options["lint"] and options["checkpoint"] is None:
+    files = [Path(entry.path) for entry in find_linted(str(path), config)]
+    if not repair.lint and repair.checkpoint is None:
         files = [file for file in files if named_checkpoint(file.name, load_lab().files)]
     if not files:
         raise UsageError(
@@ -95,7 +126,7 @@ def _stages(path: Path, options: Mapping[str, Any]) -> Iterator[Path]:
     yield from files
 
 
-def _check_script(path: Path, options: Mapping[str, Any]) -> None:
+def _check_script(path: Path, repair: RepairOptions) -> None:
     """Refuse to judge a script by a lab.
 
     Raises:
@@ -103,54 +134,45 @@ def _check_script(path: Path, options: Mapping[str, Any]) -> None:
     """
     if not path.exists():
         raise UsageError(absence(path, "file or folder"))
-    if not options["lint"]:
+    if not repair.lint:
         raise UsageError(f"{path}: is a script and no stage; --lint repairs scripts")
 
 
-def _check_options(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
-    check_ways(stages, options)
-    for name, value in (("--isaac", "release"), ("--from", "moved_from")):
-        if options[value] is not None and not options["lint"]:
-            raise UsageError(f"{name} goes with --lint")
-
-
-def _fix(stage: Path, options: Mapping[str, Any]) -> int:
+def _fix(stage: Path, repair: RepairOptions, writing: WritingOptions, config: Config) -> int:
     settings = FixOptions(
-        unsafe=options["unsafe"],
-        root_only=options["output"] is not None,
-        starter=options["starter"],
-        wanted=lambda findings: selected_findings(findings, str(stage), options),
+        unsafe=repair.unsafe,
+        root_only=writing.output is not None,
+        starter=repair.starter,
+        wanted=lambda findings: selected(findings, str(stage), config),
         heeds_ignores=True,
     )
     if is_script_file(stage):
         from lab3_usd.fix.scripts import fix_script
 
-        fixed = fix_script(stage, options["release"] or BASE, settings)
-    elif options["lint"]:
-        fixed = fix_linted(stage, options["release"] or BASE, settings, options["moved_from"] or "")
+        fixed = fix_script(stage, repair.release or BASE, settings)
+    elif repair.lint:
+        fixed = fix_linted(stage, repair.release or BASE, settings, repair.moved_from or "")
     else:
-        lab, number = load_lab(), options["checkpoint"]
+        lab, number = load_lab(), repair.checkpoint
         given = None if number is None else checkpoint_number(number, lab.checkpoints)
-        checkpoint = checkpoint_at(
-            str(stage), JudgeSettings(checkpoint=given, config=options["config"]), lab
-        )
+        checkpoint = checkpoint_at(str(stage), JudgeSettings(checkpoint=given, config=config), lab)
         fixed = fix_stage(stage, checkpoint, lab, settings)
-    if options["diff"]:
+    if writing.diff:
         for line in diffs(fixed.files, fixed.states):
             click.echo(line, nl=False)
         return 1 if fixed.files else 0
-    if options["output"] is not None:
+    if writing.output is not None:
         data = next(iter(fixed.files.values()), stage.read_bytes())
-        refuse_existing(options["output"], force=options["force"])
-        _refuse_layers([options["output"]], stage, options["starter"])
-        check_result(fixed, data, options["output"])
-        write_whole(options["output"], data, force=options["force"])
-        click.echo(f"written: {shown(options['output'])}")
-    elif options["in_place"]:
-        _refuse_layers(fixed.files, options["starter"])
-        _replace(fixed, keep=not options["no_orig"], force=options["force"])
-    _print_findings(stage, fixed, options)
-    is_preview = not (options["output"] or options["in_place"]) and fixed.files
+        refuse_existing(writing.output, force=repair.force)
+        _refuse_layers([writing.output], stage, repair.starter)
+        check_result(fixed, data, writing.output)
+        write_whole(writing.output, data, force=repair.force)
+        click.echo(f"written: {shown(writing.output)}")
+    elif writing.in_place:
+        _refuse_layers(fixed.files, repair.starter)
+        _replace(fixed, keep=not writing.no_orig, force=repair.force)
+    _print_findings(stage, fixed, repair, writing)
+    is_preview = not (writing.output or writing.in_place) and fixed.files
     remain = any(finding.severity == "error" or finding.fix is not None for finding in fixed.left)
     return 1 if remain or is_preview else 0
 
@@ -179,12 +201,14 @@ def _replace(fixed: Fixed, *, keep: bool, force: bool) -> None:
         click.echo(line)
 
 
-def _print_findings(stage: Path, fixed: Fixed, options: Mapping[str, Any]) -> None:
-    written = options["output"] is not None or options["in_place"]
+def _print_findings(
+    stage: Path, fixed: Fixed, repair: RepairOptions, writing: WritingOptions
+) -> None:
+    written = writing.output is not None or writing.in_place
     for finding in fixed.repaired:
         echo_folded(f"{'repaired' if written else 'would repair'} {_line(finding)}")
     for finding in fixed.left:
-        why = _why_left(finding, fixed, unsafe=options["unsafe"])
+        why = _why_left(finding, fixed, unsafe=repair.unsafe)
         echo_folded(f"{why} {finding.severity} {_line(finding)}")
     done = "repaired" if written else "would be repaired"
     click.echo(f"{shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
@@ -241,7 +265,15 @@ def _line(finding: Finding) -> str:
 @rules_options
 @assets_option
 @config_options
-def command(paths: tuple[str, ...], **options: Any) -> None:
+@recorded("repair", RepairOptions)
+def command(
+    paths: tuple[str, ...],
+    assets: tuple[str, ...],
+    repair: RepairOptions,
+    writing: WritingOptions,
+    rules: RuleOptions,
+    configuration: ConfigOptions,
+) -> None:
     """Repair stages.
 
     Values, connections, targets, types and schemas are repaired; --unsafe also adds, removes and
@@ -252,4 +284,5 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     Exit status: 0 nothing is left, 1 errors or repairs are left, or would be made, 2 wrong usage;
     with --diff 1 if something would change.
     """
-    sys.exit(run(paths, with_config(paths, options)))
+    config = configured(paths, configuration, rules, assets)
+    sys.exit(repair_stages(paths, repair, writing, config))

@@ -2,23 +2,30 @@
 
 from __future__ import annotations
 
-import math
 import os
 import sys
 from collections import Counter
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable
 from contextlib import ExitStack
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec import Struct
 
+from lab3_usd.commands.shared.configuration import asset_places
+from lab3_usd.commands.shared.grading import (
+    BoundOptions,
+    ExportOptions,
+    bound_options,
+    export_options,
+)
 from lab3_usd.commands.shared.options import (
-    asset_places,
     assets_option,
     echo_folded,
     given_words,
     lab_words,
+    recorded,
     understands_ansi,
 )
 from lab3_usd.commands.shared.paths import (
@@ -34,32 +41,36 @@ from lab3_usd.errors import EXIT_CRASH, UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.grade.class_run import ClassSettings
-    from lab3_usd.grade.gradebook import Rows
+    from lab3_usd.grade.gradebook import Row, Rows
     from lab3_usd.grade.intake.submission_copy import Limits
 
-_FOR_EXPORTS = {
-    "column": "--column",
-    "scale": "--scale",
-    "given": "--map",
-    "dry_run": "--dry-run",
-    "feedback": "--feedback",
-}
 
+class ClassOptions(Struct, frozen=True):
+    """What is graded with what, by how many, and where the results go.
 
-class Seconds(click.FloatRange):
-    """A range of seconds; what is no number lies in none."""
+    `explain` names a student of a gradebook, `regrade` a gradebook whose points count again.
+    """
 
-    def convert(
-        self,
-        value: Any,
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> Any:
-        """Return a number of the range."""
-        seconds = super().convert(value, param, ctx)
-        if not math.isfinite(seconds):
-            self.fail(f"{value} is no number of seconds.", param, ctx)
-        return seconds
+    starter: Path | None
+    out: Path | None
+    form: str | None
+    rubric: Path | None
+    jobs: int | None
+    assets: tuple[str, ...]
+    maps: Path | None
+    resume: bool
+    force: bool
+    merge_uploads: bool
+    explain: str | None
+    regrade: Path | None
+    adjust: Path | None
+    cluster: str | None
+    insecure_cluster: bool
+
+    @property
+    def book(self) -> Path:
+        """The folder of the gradebook."""
+        return self.out or self.regrade or Path()
 
 
 def _refuse_empty(
@@ -107,22 +118,7 @@ def _refuse_empty(
     metavar="N",
     help="Worker processes; by default the number of processors.",
 )
-@click.option(
-    "--timeout",
-    type=Seconds(1, 3600),
-    default=20,
-    show_default=True,
-    metavar="S",
-    help="Seconds of processor time for one file; a submission may take ten times as long.",
-)
-@click.option(
-    "--memory",
-    type=click.IntRange(512, 1 << 20),
-    default=2048,
-    show_default=True,
-    metavar="MB",
-    help="Memory that a worker may use.",
-)
+@bound_options
 @assets_option
 @click.option(
     "--maps",
@@ -152,35 +148,13 @@ def _refuse_empty(
     metavar="FILE",
     help="Table of student, item, points and text: what you decide by hand.",
 )
-@click.option(
-    "--gradebook",
-    metavar="PLATFORM",
-    help="Fill the points into the export of canvas, moodle, brightspace or blackboard.",
-)
-@click.option(
-    "--roster",
-    type=Input(path_type=Path),
-    metavar="FILE",
-    help="The platform's own export of its gradebook, for --gradebook.",
-)
-@click.option("--column", default="", metavar="NAME", help="Its column for the points.")
-@click.option("--scale", is_flag=True, help="Convert the points to the maximum of the column.")
-@click.option(
-    "--map",
-    "given",
-    type=Input(path_type=Path),
-    metavar="FILE",
-    help="Table of submission and id, or classroom_roster.csv, for --gradebook.",
-)
-@click.option(
-    "--feedback",
-    is_flag=True,
-    help="With --gradebook: also write what returns reasons and reports on the platform.",
-)
-@click.option("--dry-run", is_flag=True, help="Only show what --gradebook would fill in.")
+@export_options
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tls://host:port.")
 @click.option("--insecure-cluster", is_flag=True, help="Take a public scheduler that has no TLS.")
-def command(submissions: str | None, **options: Any) -> None:
+@recorded("asked", ClassOptions)
+def command(
+    submissions: str | None, asked: ClassOptions, bounds: BoundOptions, export: ExportOptions
+) -> None:
     """Grade a class: a folder for each student, archives, or single stages.
 
     SUBMISSIONS is a folder or an archive in the form that a learning platform exports, or the
@@ -193,56 +167,60 @@ def command(submissions: str | None, **options: Any) -> None:
 
     With --explain, --regrade or --gradebook alone, an existing gradebook is read.
     """
-    _check(submissions, options)
-    if options["form"] is not None:
-        _grade_alone(Path(str(submissions)), options)
+    _check(submissions, asked, export)
+    if asked.form is not None:
+        _grade_alone(Path(str(submissions)), asked, bounds)
         return
-    if options["regrade"] is not None:
-        options["out"] = options["out"] or options["regrade"]
-        _regrade(options)
-    if submissions is not None:
-        _grade(submissions, options)
-    if options["gradebook"] is not None:
-        _fill_export(options)
-    if options["explain"] is not None:
-        _explain(options)
+    if asked.regrade is not None:
+        _regrade(asked.regrade, asked)
+    if submissions is not None and asked.starter is not None:
+        _grade(submissions, asked.starter, asked, bounds)
+    if export.gradebook is not None and export.roster is not None:
+        _fill_export(export.gradebook, export.roster, asked, export)
+    if asked.explain is not None:
+        _explain(asked.book, asked.explain)
 
 
-def _check(submissions: str | None, options: dict[str, Any]) -> None:
+def _check(submissions: str | None, asked: ClassOptions, export: ExportOptions) -> None:
     """Refuse what is missing, or does not go together, before anything is read.
 
     Raises:
         UsageError: it does not go together.
     """
-    afterwards = [name for name in ("regrade", "gradebook", "explain") if options[name] is not None]
-    if options["form"] is not None and afterwards:
-        raise UsageError(f"--{afterwards[0]} is for a class; --format grades one submission")
+    reading = {
+        "--regrade": asked.regrade,
+        "--gradebook": export.gradebook,
+        "--explain": asked.explain,
+    }
+    afterwards = [option for option, value in reading.items() if value is not None]
+    if asked.form is not None and afterwards:
+        raise UsageError(f"{afterwards[0]} is for a class; --format grades one submission")
     if submissions is None and not afterwards:
         raise click.MissingParameter(param_type="argument", param_hint="'SUBMISSIONS'")
-    if submissions is not None and options["regrade"] is not None:
+    if submissions is not None and asked.regrade is not None:
         raise UsageError("--regrade reads a gradebook, and no submissions")
-    if submissions is not None and options["starter"] is None:
+    if submissions is not None and asked.starter is None:
         raise click.MissingParameter(param_type="option", param_hint="'--starter'")
-    if options["out"] is None and options["regrade"] is None and options["form"] is None:
+    if asked.out is None and asked.regrade is None and asked.form is None:
         raise click.UsageError("Missing option '--output' / '-o'.", click.get_current_context())
-    if options["adjust"] and submissions is None and options["regrade"] is None:
+    if asked.adjust and submissions is None and asked.regrade is None:
         raise UsageError("--adjust goes with SUBMISSIONS or --regrade, which count the points")
-    _check_export(options)
-    _check_tables(options)
-    if options["dry_run"] and (submissions is not None or options["regrade"] is not None):
+    _check_export(export)
+    _check_tables(asked)
+    if export.dry_run and (submissions is not None or asked.regrade is not None):
         raise UsageError("--dry-run writes nothing: grade first, then give it with --gradebook")
 
 
-def _check_tables(options: dict[str, Any]) -> None:
+def _check_tables(asked: ClassOptions) -> None:
     """Refuse a gradebook, or a result, whose files would replace what is read.
 
     Raises:
         UsageError: they would, or a result has no folder to lie in.
     """
-    out = options["out"] or options["regrade"]
+    out = asked.out or asked.regrade
     if out is None:
         return
-    if options["form"] is not None:
+    if asked.form is not None:
         refuse_missing_folder(out)
         refuse_inputs([out])
         return
@@ -251,7 +229,7 @@ def _check_tables(options: dict[str, Any]) -> None:
     refuse_inputs(out / name for name in TABLES)
 
 
-def _check_export(options: dict[str, Any]) -> None:
+def _check_export(export: ExportOptions) -> None:
     """Refuse what does not go together of an export.
 
     Raises:
@@ -259,45 +237,52 @@ def _check_export(options: dict[str, Any]) -> None:
     """
     from lab3_usd.grade.rosters import PLATFORMS
 
-    if options["gradebook"] == "gradescope":
+    if export.gradebook == "gradescope":
         raise UsageError(
             "--gradebook gradescope: Gradescope imports no points; give it the results.json of "
             "--format gradescope"
         )
-    if options["gradebook"] not in {None, *PLATFORMS}:
+    if export.gradebook not in {None, *PLATFORMS}:
         names = ", ".join(PLATFORMS)
-        raise UsageError(f"--gradebook {options['gradebook']}: is none of {names}")
-    if (options["gradebook"] is None) != (options["roster"] is None):
+        raise UsageError(f"--gradebook {export.gradebook}: is none of {names}")
+    if (export.gradebook is None) != (export.roster is None):
         raise UsageError("--gradebook and --roster go together: the export names the students")
-    for name, option in _FOR_EXPORTS.items():
-        if options[name] and options["gradebook"] is None:
+    of_exports = {
+        "--column": export.column,
+        "--scale": export.scale,
+        "--map": export.given,
+        "--dry-run": export.dry_run,
+        "--feedback": export.feedback,
+    }
+    for option, value in of_exports.items():
+        if value and export.gradebook is None:
             raise UsageError(f"{option} is for --gradebook")
 
 
-def _fill_export(options: dict[str, Any]) -> None:
+def _fill_export(platform: str, roster: Path, asked: ClassOptions, options: ExportOptions) -> None:
     """Fill the points into a platform's export, and show what becomes of each row."""
     from lab3_usd.grade.feedback import reasons_by_student, write_feedback
     from lab3_usd.grade.filled_export import decision_lines, fill_export, write_export
     from lab3_usd.grade.gradebook import read_gradebook
     from lab3_usd.report.safe_text import visible
 
-    out = options["out"]
+    out = asked.book
     book = read_gradebook(out)
     export = fill_export(
-        options["gradebook"],
-        options["roster"],
+        platform,
+        roster,
         book,
-        options["column"],
-        options["given"],
-        reasons_by_student(book) if options["feedback"] else None,
-        scale=options["scale"],
+        options.column,
+        options.given,
+        reasons_by_student(book) if options.feedback else None,
+        scale=options.scale,
     )
     path = out / export.name
-    if options["dry_run"]:
+    if options.dry_run:
         click.echo(f"{path}: not written (--dry-run)")
     else:
-        click.echo(write_export(out, export, force=options["force"]))
-        for returned in write_feedback(out, export, book) if options["feedback"] else ():
+        click.echo(write_export(out, export, force=asked.force))
+        for returned in write_feedback(out, export, book) if options.feedback else ():
             students = f"{returned.students} student{'s' * (returned.students != 1)}"
             click.echo(f"{returned.path}: {students}")
             for name in returned.left_out:
@@ -306,27 +291,26 @@ def _fill_export(options: dict[str, Any]) -> None:
         click.echo(text)
 
 
-def _explain(options: dict[str, Any]) -> None:
+def _explain(out: Path, student: str) -> None:
     """Print the sum of one student."""
     from lab3_usd.grade.gradebook import read_gradebook
     from lab3_usd.grade.regrade import student_in, sum_of
     from lab3_usd.report.safe_text import printable
 
-    book = read_gradebook(options["out"])
-    for text in sum_of(book, student_in(book, options["explain"])):
+    book = read_gradebook(out)
+    for text in sum_of(book, student_in(book, student)):
         echo_folded(printable(text))
 
 
-def _regrade(options: dict[str, Any]) -> None:
+def _regrade(out: Path, asked: ClassOptions) -> None:
     """Give a gradebook the points of a rubric, and say who changed."""
     from lab3_usd.grade.regrade import regrade
     from lab3_usd.grade.rubric import load_rubric
     from lab3_usd.report.safe_text import printable
     from lab3_usd.spec.load.loader import load_lab
 
-    out = options["regrade"]
-    rubric = load_rubric(options["rubric"], load_lab())
-    changed = regrade(out, rubric, options["adjust"], force=options["force"])
+    rubric = load_rubric(asked.rubric, load_lab())
+    changed = regrade(out, rubric, asked.adjust, force=asked.force)
     for grade in changed:
         (earned, possible), (now, now_possible) = grade.before, grade.after
         click.echo(
@@ -336,32 +320,32 @@ def _regrade(options: dict[str, Any]) -> None:
     click.echo(f"{len(changed)} changed: {out / 'index.html'}")
 
 
-def _grade(submissions: str, options: dict[str, Any]) -> None:
+def _grade(submissions: str, starter: Path, asked: ClassOptions, bounds: BoundOptions) -> None:
     """Grade a class into a gradebook."""
     from lab3_usd.grade.class_run import ClassSettings
     from lab3_usd.grade.intake.addresses import is_address
 
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
-        starter=options["starter"],
-        out=options["out"],
-        rubric=options["rubric"],
-        adjustments=options["adjust"],
-        maps=options["maps"],
-        limits=_limits(options),
-        jobs=options["jobs"] or _processors(),
-        resume=options["resume"],
-        assets=asset_places(options["assets"]),
-        merge_uploads=options["merge_uploads"],
-        force=options["force"],
-        runner=_runner(options["cluster"], insecure=options["insecure_cluster"]),
+        starter=starter,
+        out=asked.book,
+        rubric=asked.rubric,
+        adjustments=asked.adjust,
+        maps=asked.maps,
+        limits=_limits(bounds),
+        jobs=asked.jobs or _processors(),
+        resume=asked.resume,
+        assets=asset_places(asked.assets),
+        merge_uploads=asked.merge_uploads,
+        force=asked.force,
+        runner=_runner(asked.cluster, insecure=asked.insecure_cluster),
         notify=_notify,
     )
     rows = _graded_or_continued(settings)
     counts = Counter(row["status"] for row in rows)
     states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
     number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
-    click.echo(f"{number} ({states}): {options['out'] / 'index.html'}")
+    click.echo(f"{number} ({states}): {asked.book / 'index.html'}")
     _tell_failures(rows)
     if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
@@ -411,7 +395,7 @@ def _command_to_continue(submissions: Path | str) -> str:
 _NAMED = 5  # students
 
 
-def _tell_failures(rows: Iterable[Mapping[str, Any]]) -> None:
+def _tell_failures(rows: Iterable[Row]) -> None:
     """Name the students over whose files the program failed: somebody is to look at these."""
     from lab3_usd.report.safe_text import printable
 
@@ -422,23 +406,23 @@ def _tell_failures(rows: Iterable[Mapping[str, Any]]) -> None:
         _notify(f"{len(failed) - _NAMED} more have no grade, see crashes in grades.json")
 
 
-def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
+def _grade_alone(submission: Path, asked: ClassOptions, bounds: BoundOptions) -> None:
     """Write the Gradescope result of one submission; where the program fails there is none.
 
     Raises:
         UsageError: an option for a class is given, or the output lies in what is graded.
     """
-    for name in (
-        "adjust",
-        "resume",
-        "force",
-        "merge_uploads",
-        "cluster",
-        "insecure_cluster",
-        "jobs",
-    ):
-        if options[name]:
-            option = f"--{name.replace('_', '-')}"
+    of_classes = {
+        "--adjust": asked.adjust,
+        "--resume": asked.resume,
+        "--force": asked.force,
+        "--merge-uploads": asked.merge_uploads,
+        "--cluster": asked.cluster,
+        "--insecure-cluster": asked.insecure_cluster,
+        "--jobs": asked.jobs,
+    }
+    for option, value in of_classes.items():
+        if value:
             raise UsageError(f"{option} is for a class; --format grades one submission")
     from lab3_usd.commands.shared.reporting import write_report
     from lab3_usd.deliverables.maps import supplied_map
@@ -446,15 +430,15 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
     from lab3_usd.grade.gradebook import GRADESCOPE
     from lab3_usd.grade.workers.messages import PoolSettings
 
-    out = options["out"]
+    out = asked.out
     if out is not None and Path(os.path.realpath(out)).is_relative_to(submission.resolve()):
         raise UsageError(f"{out}: lies in what is graded; choose another -o")
     settings = PoolSettings(
-        options["starter"],
-        options["rubric"],
-        _limits(options),
-        assets=asset_places(options["assets"]),
-        supplied_map=None if options["maps"] is None else supplied_map(options["maps"]),
+        asked.starter,
+        asked.rubric,
+        _limits(bounds),
+        assets=asset_places(asked.assets),
+        supplied_map=None if asked.maps is None else supplied_map(asked.maps),
     )
     graded = grade_alone(submission, settings, _notify)
     if graded["crashes"]:
@@ -463,10 +447,10 @@ def _grade_alone(submission: Path, options: Mapping[str, Any]) -> None:
     write_report(graded["reports"][GRADESCOPE], None if out is None else str(out))
 
 
-def _limits(options: Mapping[str, Any]) -> Limits:
+def _limits(bounds: BoundOptions) -> Limits:
     from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 
-    return Limits(seconds=options["timeout"], memory=options["memory"] * MEGABYTE)
+    return Limits(seconds=bounds.timeout, memory=bounds.memory * MEGABYTE)
 
 
 def _notify(line: str) -> None:

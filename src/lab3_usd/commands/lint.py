@@ -4,33 +4,47 @@ from __future__ import annotations
 
 import sys
 from pathlib import Path
-from typing import Any
 
 import click
+from msgspec import Struct
 
-from lab3_usd.commands.shared.options import (
-    assets_option,
+from lab3_usd.commands.shared.configuration import (
+    ConfigOptions,
+    as_text,
     config_options,
+    configured,
+    leave_broken_lab,
+)
+from lab3_usd.commands.shared.options import (
+    ReportOptions,
+    RuleOptions,
+    ViewOptions,
+    assets_option,
     from_option,
     isaac_option,
-    leave_broken_lab,
     native_option,
+    recorded,
     report_options,
     scene_option,
     view_options,
-    with_config,
 )
 from lab3_usd.commands.shared.paths import Input
 from lab3_usd.errors import UsageError
 
-# What lab3 fix asks for besides the options of lab3 lint.
-_AS_FIX = {
-    "unsafe": False,
-    "starter": None,
-    "checkpoint": None,
-    "no_orig": False,
-    "force": False,
-}
+
+class LintOptions(Struct, frozen=True):
+    """By what stages are judged, and whether they are repaired.
+
+    `native` adds the validators of OpenUSD.
+    """
+
+    release: str | None
+    moved_from: str | None
+    scene: str | None
+    native: bool
+    fix: bool
+    diff: bool
+    in_place: bool
 
 
 @click.command("lint")
@@ -46,7 +60,16 @@ _AS_FIX = {
 @report_options
 @config_options
 @view_options
-def command(paths: tuple[str, ...], **options: Any) -> None:
+@recorded("asked", LintOptions)
+def command(
+    paths: tuple[str, ...],
+    assets: tuple[str, ...],
+    asked: LintOptions,
+    rules: RuleOptions,
+    report: ReportOptions,
+    configuration: ConfigOptions,
+    view: ViewOptions,
+) -> None:
     """Judge any stage of Isaac Sim by what its graphs do, and the graphs that scripts build.
 
     PATHS are stages, Python scripts and notebooks, or folders with some in them or below. A script
@@ -58,19 +81,22 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     Exit status: 0 no findings, 1 findings or not judged, 2 wrong usage or no such path, 3 the
     program itself failed.
     """
-    options = with_config(paths, options)
+    config = configured(paths, configuration, rules, assets)
     leave_broken_lab()
-    if options["fix"]:
-        from lab3_usd.commands.fix import run as repair
+    if asked.fix:
+        from lab3_usd.commands.fix import RepairOptions, repair_stages
+        from lab3_usd.commands.shared.writing import WritingOptions
 
-        output = None if options["output"] is None else Path(options["output"])
-        sys.exit(repair(paths, {**_AS_FIX, **options, "lint": True, "output": output}))
-    if options["diff"] or options["in_place"]:
+        output = None if report.output is None else Path(report.output)
+        repair = RepairOptions(lint=True, release=asked.release, moved_from=asked.moved_from)
+        writing = WritingOptions(asked.diff, output, asked.in_place)
+        sys.exit(repair_stages(paths, repair, writing, config))
+    if asked.diff or asked.in_place:
         raise UsageError("--diff and --in-place go with --fix")
     from lab3_usd.commands.shared.judging import Judge, run
-    from lab3_usd.commands.shared.reporting import refuse_unusable, wants_native
+    from lab3_usd.commands.shared.reporting import Reporting, refuse_unusable, wants_native
 
-    refuse_unusable(paths, options)
+    refuse_unusable(paths, report)
     from lab3_usd.isaac.releases import BASE
     from lab3_usd.pipeline.any_stage import AUTO, lint_platform
     from lab3_usd.pipeline.entries import find_stages, judge_all
@@ -79,18 +105,19 @@ def command(paths: tuple[str, ...], **options: Any) -> None:
     settings = JudgeSettings(
         of_lab=False,
         heeds_ignores=True,
-        native=wants_native(options),
-        config=options["config"],
-        release=options["release"] or BASE,
-        moved_from=options["moved_from"] or "",
-        scene=options["scene"] or "",
+        native=wants_native(is_given=asked.native, select=config.select),
+        config=config,
+        release=asked.release or BASE,
+        moved_from=asked.moved_from or "",
+        scene=asked.scene or "",
     )
     for release in (settings.release, settings.moved_from):
         if release not in ("", AUTO):
             lint_platform(release)  # which refuses an unknown one
     judge = Judge(
-        find=lambda path: find_stages(path, options["config"], alone=len(paths) == 1),
+        find=lambda path: find_stages(path, config, alone=len(paths) == 1),
         judge=lambda targets, jobs: judge_all(settings, targets, jobs),
         module="lab3_usd.check.lint",
     )
-    sys.exit(run(paths, judge, options))
+    reporting = Reporting(report, view, config, as_text(config.starter))
+    sys.exit(run(paths, judge, reporting))

@@ -7,8 +7,9 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import click
+from msgspec import Struct
 
-from lab3_usd.commands.shared.options import echo
+from lab3_usd.commands.shared.options import echo, recorded
 from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.errors import UsageError
 from lab3_usd.files import make_folder, refuse_existing, write_whole
@@ -42,6 +43,16 @@ class Metres(click.FloatRange):
 PLACE = Metres(-FARTHEST, FARTHEST)
 
 
+class MapOptions(Struct, frozen=True):
+    """The part of the floor that is drawn, and where it is cut; None as the lab has it."""
+
+    resolution: float | None
+    origin: tuple[float, float] | None
+    size: tuple[int, int] | None
+    height: float | None
+    start: tuple[float, float] | None
+
+
 @click.command("map")
 @click.argument("stage", type=Input(path_type=Path))
 @click.option(
@@ -62,7 +73,8 @@ PLACE = Metres(-FARTHEST, FARTHEST)
     "--start", type=(PLACE, PLACE), metavar="X Y", help="A free position; by default the robot's."
 )
 @click.option("--force", is_flag=True, help="Replace files that exist.")
-def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
+@recorded("area", MapOptions)
+def command(stage: Path, folder: Path, area: MapOptions, *, force: bool) -> None:
     """Make an occupancy map from the walls of a stage.
 
     Cuts the collision geometry of STAGE at the height of the lidar and fills the area that the
@@ -82,11 +94,11 @@ def command(stage: Path, folder: Path, *, force: bool, **options: Any) -> None:
     refuse_inputs((yaml_file, image_file))
     for file in (yaml_file, image_file):
         refuse_existing(file, force=force)
-    width, height = options["size"] or (spec.width, spec.height)
-    origin = options["origin"] or spec.origin[:2]
-    frame = MapFrame(options["resolution"] or spec.resolution, origin, width, height)
-    cut = _cut(stage, lab, options["height"])
-    start = options["start"] or cut.robot
+    width, height = area.size or (spec.width, spec.height)
+    origin = area.origin or spec.origin[:2]
+    frame = MapFrame(area.resolution or spec.resolution, origin, width, height)
+    cut = _cut(stage, lab, area.height)
+    start = area.start or cut.robot
     if start is None:
         raise UsageError(f"{stage}: has no {lab.scene.robot.path} to start from, give --start")
     drawn = draw_map(frame, cut.segments, start)

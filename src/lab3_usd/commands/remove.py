@@ -4,23 +4,39 @@ from __future__ import annotations
 
 import json
 import sys
-from typing import Any
+from typing import TYPE_CHECKING
 
 import click
+from msgspec import Struct
 
-from lab3_usd.commands.shared.options import (
-    assets_option,
-    given_words,
-    text_or_json,
-    use_config,
-)
+from lab3_usd.commands.shared.configuration import use_config
+from lab3_usd.commands.shared.options import assets_option, given_words, recorded, text_or_json
 from lab3_usd.commands.shared.paths import Input
-from lab3_usd.commands.shared.requests import kind_and_stage, request_of, request_options
-from lab3_usd.commands.shared.writing import check_ways, diffs, replaced, shown, writing_options
+from lab3_usd.commands.shared.requests import kind_and_stage, request_options
+from lab3_usd.commands.shared.writing import (
+    WritingOptions,
+    check_ways,
+    diffs,
+    replaced,
+    shown,
+    writing_options,
+)
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, refuse_shared, write_whole
 from lab3_usd.installation import command_line
+
+if TYPE_CHECKING:
+    from lab3_usd.author.request import Options
+
+
+class RemovingOptions(Struct, frozen=True):
+    """How the stage that is left is checked, and how the removal is shown."""
+
+    force: bool
+    release: str | None
+    form: str
+    assets: tuple[str, ...]
 
 
 @click.command("remove")
@@ -31,7 +47,10 @@ from lab3_usd.installation import command_line
 @click.option("--isaac", "release", metavar="RELEASE", help="Judge by this release of Isaac Sim.")
 @text_or_json
 @assets_option
-def command(words: tuple[str, ...], **options: Any) -> None:
+@recorded("asked", RemovingOptions)
+def command(
+    words: tuple[str, ...], request: Options, writing: WritingOptions, asked: RemovingOptions
+) -> None:
     """Remove a graph that lab3 add added, or one that does the same.
 
     The graph goes, and the parents that were added with it; of a graph that was extended, the new
@@ -45,33 +64,32 @@ def command(words: tuple[str, ...], **options: Any) -> None:
     from lab3_usd.isaac.releases import BASE
 
     kind, stage = kind_and_stage(words, has_file=False)
-    check_ways([stage], options)
-    use_config(stage, options["assets"])
+    check_ways([stage], writing)
+    use_config(stage, asked.assets)
     try:
-        request = Request(kind, request_of(options))
-        removed = remove_graph(stage, request, options["release"] or BASE)
+        removed = remove_graph(stage, Request(kind, request), asked.release or BASE)
         files = {} if removed.data is None else {stage: removed.data}
-        if options["diff"]:
+        if writing.diff:
             for line in diffs(files, {stage: removed.state}):
                 click.echo(line, nl=False)
             sys.exit(1 if files else 0)
         errors = [finding for finding in removed.new if finding.severity == "error"]
-        is_refused = bool(errors) and not options["force"]
+        is_refused = bool(errors) and not asked.force
         lines: list[str] = []
-        is_written = bool(files) and not is_refused and (options["output"] or options["in_place"])
-        if is_written and options["output"]:
-            refuse_existing(options["output"], force=options["force"])
-            write_whole(options["output"], files[stage], force=options["force"])
-            lines.append(f"written: {shown(options['output'])}")
+        is_written = bool(files) and not is_refused and (writing.output or writing.in_place)
+        if is_written and writing.output:
+            refuse_existing(writing.output, force=asked.force)
+            write_whole(writing.output, files[stage], force=asked.force)
+            lines.append(f"written: {shown(writing.output)}")
         elif is_written:
-            if not options["force"]:
+            if not asked.force:
                 refuse_shared(stage)
             lines += replaced(
-                files, {stage: removed.state}, keep=not options["no_orig"], first_alone=True
+                files, {stage: removed.state}, keep=not writing.no_orig, first_alone=True
             )
     except UsageError as error:
         raise UsageError(f"{shown(stage)}: {error}") from error
-    if options["form"] == "json":
+    if asked.form == "json":
         document = {
             "stage": str(stage),
             "graph": removed.graph,

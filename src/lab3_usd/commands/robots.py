@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from lab3_usd.commands.shared.options import assets_option, text_or_json, use_config
+from lab3_usd.commands.shared.configuration import use_config
+from lab3_usd.commands.shared.options import assets_option, text_or_json
 from lab3_usd.commands.shared.paths import Input
 
 if TYPE_CHECKING:

@@ -10,7 +10,8 @@ import click
 from lab3_usd.check.manual import rules_in
 from lab3_usd.check.registry import Rule, families, twins
 from lab3_usd.commands.rules import first_sentence, rule_lines
-from lab3_usd.commands.shared.options import complete_rules, own_rules_option, use_own_rules, width
+from lab3_usd.commands.shared.configuration import own_rules_option, use_own_rules
+from lab3_usd.commands.shared.options import complete_rules, width
 from lab3_usd.data import program
 from lab3_usd.report.safe_text import folded
 from lab3_usd.report.text import NARROWEST

@@ -9,7 +9,8 @@ import click
 
 from lab3_usd.check.manual import rules_in, rules_of_lab
 from lab3_usd.check.registry import Rule, families
-from lab3_usd.commands.shared.options import own_rules_option, terminal_width, use_own_rules
+from lab3_usd.commands.shared.configuration import own_rules_option, use_own_rules
+from lab3_usd.commands.shared.options import terminal_width
 from lab3_usd.data import own_lab
 from lab3_usd.report.safe_text import folded
 from lab3_usd.spec.load.loader import load_lab

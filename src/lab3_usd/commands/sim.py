@@ -5,21 +5,23 @@ from __future__ import annotations
 import math
 import os
 import sys
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 from contextlib import closing
 from importlib.util import find_spec
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
+from msgspec import Struct
 
+from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
     assets_option,
     color_option,
     complete_checkpoints,
     isaac_option,
+    recorded,
     text_or_json,
-    use_config,
 )
 from lab3_usd.commands.shared.paths import Input, MapInput, OutputFolder, OutputReport
 from lab3_usd.data import program
@@ -36,21 +38,41 @@ if TYPE_CHECKING:
 
 LONGEST = 86400.0  # seconds
 SLOW = 0.95  # times real time, below which the last line names the speed
-_NOT_WITH = ("drive", "page", "bag")
 _EXTRA = ("cyclonedds", "rosbags")
 
 
-def check_live(options: Mapping[str, Any]) -> None:
+class SimOptions(Struct, frozen=True):
+    """How a stage is played, and what is made of it.
+
+    `drive` is a file or legs; commands go to the robots that subscribe to `topic`. `seconds` end
+    a `live` play.
+    """
+
+    checkpoint: str | None
+    drive: str | None
+    topic: str | None
+    maps: Path | None
+    form: str
+    release: str | None
+    assets: tuple[str, ...]
+    page: Path | None
+    bag: Path | None
+    live: bool
+    seconds: float | None
+
+
+def check_live(asked: SimOptions) -> None:
     """Refuse what does not go together, before anything is played.
 
     Raises:
         UsageError: options do not go together, or the extra is not installed.
     """
-    seconds = options["seconds"]
-    refused = [f"--{name}" for name in _NOT_WITH if options[name] is not None]
-    refused += ["--format json"] if options["form"] == "json" else []
+    seconds = asked.seconds
+    judging = {"--drive": asked.drive, "--page": asked.page, "--bag": asked.bag}
+    refused = [option for option, value in judging.items() if value is not None]
+    refused += ["--format json"] if asked.form == "json" else []
     message = ""
-    if not options["live"]:
+    if not asked.live:
         message = "--seconds is for --live only" if seconds is not None else ""
     elif refused:
         message = f"--live and {refused[0]} do not go together: it is driven over ROS, not judged"
@@ -174,7 +196,8 @@ def _check_bag(bag: Path | None) -> None:
     help="Run in real time over DDS, driven by the topics of commands (extra live).",
 )
 @click.option("--seconds", type=float, metavar="S", help="End --live after this many seconds.")
-def command(stage: Path, **options: Any) -> None:
+@recorded("asked", SimOptions)
+def command(stage: Path, asked: SimOptions) -> None:
     """Play a stage without Isaac Sim, drive its robot, and judge the messages of ROS.
 
     The graphs of STAGE are executed as they are wired, by functions written from the published
@@ -191,32 +214,32 @@ def command(stage: Path, **options: Any) -> None:
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.spec.load.loader import load_lab
 
-    use_config(stage, options["assets"])
+    use_config(stage, asked.assets)
     lab = load_lab()
     numbers = [*lab.checkpoints]
-    given = options["checkpoint"]
+    given = asked.checkpoint
     named = checkpoint_of(stage.name, lab) or ""
     checkpoint = named if given is None else checkpoint_number(given, numbers)
-    topic = options["topic"] or ""
+    topic = asked.topic or ""
     if checkpoint and topic:
         raise UsageError(f"--topic {topic}: at checkpoint {checkpoint} commands have a topic")
-    if options["release"] is not None:
-        lab = lab_in_release(lab, options["release"], checkpoint)
-    check_live(options)
-    _check_bag(options["bag"])
-    if options["live"]:
-        live(stage, lab, checkpoint, topic, options["seconds"])
+    if asked.release is not None:
+        lab = lab_in_release(lab, asked.release, checkpoint)
+    check_live(asked)
+    _check_bag(asked.bag)
+    if asked.live:
+        live(stage, lab, checkpoint, topic, asked.seconds)
     else:
-        sys.exit(_judge(stage, lab, checkpoint, options))
+        sys.exit(_judge(stage, lab, checkpoint, asked))
 
 
-def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -> int:
+def _judge(stage: Path, lab: Lab, checkpoint: str, asked: SimOptions) -> int:
     """Play a stage, write what was asked for, and return the exit code."""
     from lab3_usd.commands.shared.options import wants_color, width
     from lab3_usd.report.behaviour import text
     from lab3_usd.sim.dry_run import dry_run
 
-    run = dry_run(stage, lab, checkpoint, options["drive"], options["topic"] or "", options["maps"])
+    run = dry_run(stage, lab, checkpoint, asked.drive, asked.topic or "", asked.maps)
     behaviour = run.behaviour
     findings: tuple[Finding, ...] = ()
     if any(check.verdict != "ok" for check in behaviour.checks):
@@ -228,21 +251,21 @@ def _judge(stage: Path, lab: Lab, checkpoint: str, options: Mapping[str, Any]) -
             findings = check_stage(stage, checkpoint, lab).findings
         else:
             findings = lint_stage(stage, settings).findings
-    page, bag = options["page"], options["bag"]
+    page, bag = asked.page, asked.bag
     if page is not None:
         from lab3_usd.files import write_whole
         from lab3_usd.report.behaviour.page import render
 
         html = render(behaviour, run.replays, lab, findings)
         write_whole(page, html.encode("utf-8", "replace"), force=True)
-    is_json = options["form"] == "json"
+    is_json = asked.form == "json"
     if is_json:
         click.echo(text.render_json(behaviour, findings), nl=False)
     else:
         shown = text.render(behaviour, width(), findings, color=wants_color())
         click.echo(shown, nl=False, color=True)
     if bag is not None and run.trial is not None:
-        for line in _record(run, run.trial, lab, bag, options["drive"]):
+        for line in _record(run, run.trial, lab, bag, asked.drive):
             click.echo(line, err=is_json)
     exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
     return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)
@@ -270,10 +293,17 @@ def _record(run: DryRun, trial: Trial, lab: Lab, bag: Path, drive: str | None) -
             yield printable(f"  commands on {robot.topic} come in another play: not recorded")
 
 
-def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
+class PlayedResult(NamedTuple):
+    """The result of a stage that was played as well, and what a page shows of the run."""
+
+    result: StageResult
+    drawn: object | None = None
+
+
+def with_dry_run(result: StageResult) -> PlayedResult:
     """Return a result with a note for each bad check of a dry run; the score stays.
 
-    `lab3 check --sim` calls it. What the HTML page shows of the run is added to `shown`.
+    `lab3 check --sim` calls it.
     """
     from msgspec.structs import replace
 
@@ -286,13 +316,11 @@ def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
     from lab3_usd.spec.load.loader import load_lab
 
     if result.verdict == "unreadable" or result.checkpoint is None:
-        return result
+        return PlayedResult(result)
     run = dry_run(Path(result.path), load_lab(), result.checkpoint)
     if run.behaviour.verdict == "unreadable":  # by damage where no rule looks
-        return unreadable(result.path, result.checkpoint, run.behaviour.not_simulated[0].reason)
-    drawn = dry_run_summary(run.behaviour, run.replays)
-    if drawn is not None:
-        shown[result.path] = drawn
+        reason = run.behaviour.not_simulated[0].reason
+        return PlayedResult(unreadable(result.path, result.checkpoint, reason))
     hint = f"{program()} sim plays the stage and shows what it does"
     notes = []
     for check in (check for check in run.behaviour.checks if check.verdict == "bad"):
@@ -300,4 +328,5 @@ def with_dry_run(result: StageResult, shown: dict[str, object]) -> StageResult:
         cause = explaining_finding(check, result.findings)
         rule, name = (note.rule, note.name) if cause is None else (cause.rule, cause.name)
         notes.append(replace(note, rule=rule, name=name, hint=hint))
-    return with_findings(result, (*result.findings, *notes))
+    noted = with_findings(result, (*result.findings, *notes))
+    return PlayedResult(noted, dry_run_summary(run.behaviour, run.replays))

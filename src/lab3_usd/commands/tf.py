@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
+from lab3_usd.commands.shared.configuration import leave_broken_lab, use_config
 from lab3_usd.commands.shared.options import (
+    StageOptions,
     assets_option,
     echo,
     isaac_option,
-    leave_broken_lab,
+    recorded,
     scene_option,
     terminal_width,
-    use_config,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFile
 
@@ -40,7 +40,16 @@ from lab3_usd.commands.shared.paths import Input, OutputFile
 @isaac_option
 @assets_option
 @click.option("-v", "--verbose", is_flag=True, help="Name publisher and rate of each transform.")
-def command(stage: Path, form: str, picture: Path | None, **options: Any) -> None:
+@recorded("reading", StageOptions)
+def command(
+    stage: Path,
+    form: str,
+    picture: Path | None,
+    reading: StageOptions,
+    *,
+    force: bool,
+    verbose: bool,
+) -> None:
     """Print the TF tree that a stage publishes.
 
     The transforms are those that Isaac Sim 6.0.1 would send during Play, from all graphs of STAGE,
@@ -68,9 +77,9 @@ def command(stage: Path, form: str, picture: Path | None, **options: Any) -> Non
     from lab3_usd.report.topic_table import WIDTH
     from lab3_usd.spec.load.loader import load_lab
 
-    use_config(stage, options["assets"])
+    use_config(stage, reading.assets)
     leave_broken_lab()
-    ros = read_ros(stage, options["scene"] or "", options["release"] or BASE)
+    ros = read_ros(stage, reading.scene or "", reading.release or BASE)
     _platform, model = ros.subject.platform, ros.subject.stage
     edges, hidden = all_edges(model), all_unresolved_frames(model)
     rates = {end.node.path: end.rate for end in endpoints(model)}
@@ -78,7 +87,7 @@ def command(stage: Path, form: str, picture: Path | None, **options: Any) -> Non
     tops = frozenset(top for heard in trees_of(edges) for top in ros.subject.tops(heard))
     if picture is not None:
         drawn = published_frames_picture(edges, hidden, rates, not_judged, tops)
-        write_picture(drawn, picture, options["force"])
+        write_picture(drawn, picture, force)
         echo(picture)
         return
     sent = published_transforms(model)
@@ -88,7 +97,7 @@ def command(stage: Path, form: str, picture: Path | None, **options: Any) -> Non
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates, tops)
     if form == "text":
-        lines = as_text(tree, terminal_width(), verbose=options["verbose"])
+        lines = as_text(tree, terminal_width(), verbose=verbose)
         rest = folded(f"? {not_judged}", WIDTH, rest="  ") if not_judged else []
         click.echo("\n".join([*lines, *rest]))
     else:

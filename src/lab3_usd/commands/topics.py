@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import Any
 
 import click
 
+from lab3_usd.commands.shared.configuration import leave_broken_lab, use_config
 from lab3_usd.commands.shared.options import (
+    StageOptions,
     assets_option,
     echo,
     isaac_option,
-    leave_broken_lab,
+    recorded,
     scene_option,
     terminal_width,
-    use_config,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFile
 
@@ -40,7 +40,16 @@ from lab3_usd.commands.shared.paths import Input, OutputFile
 @scene_option
 @isaac_option
 @assets_option
-def command(stage: Path, form: str, picture: Path | None, **options: Any) -> None:
+@recorded("reading", StageOptions)
+def command(
+    stage: Path,
+    form: str,
+    picture: Path | None,
+    reading: StageOptions,
+    *,
+    force: bool,
+    verbose: bool,
+) -> None:
     """Print the topics that a stage publishes and subscribes to.
 
     For each topic: its name as ROS 2 resolves it, message type and node; with -v also frames, queue
@@ -58,15 +67,13 @@ def command(stage: Path, form: str, picture: Path | None, **options: Any) -> Non
     from lab3_usd.report.safe_text import folded, printable
     from lab3_usd.report.topic_table import WIDTH, TopicReport, as_csv, as_json, as_table
 
-    use_config(stage, options["assets"])
+    use_config(stage, reading.assets)
     leave_broken_lab()
-    ros = read_ros(stage, options["scene"] or "", options["release"] or BASE)
+    ros = read_ros(stage, reading.scene or "", reading.release or BASE)
     _platform, model = ros.subject.platform, ros.subject.stage
     ends, not_judged = endpoints(model), printable(coverage_line(ros.coverage))
     if picture is not None:
-        write_picture(
-            topics_picture(stage.name, ends, ros.unknown, not_judged), picture, options["force"]
-        )
+        write_picture(topics_picture(stage.name, ends, ros.unknown, not_judged), picture, force)
         echo(picture)
         return
     edges, hidden = all_edges(model), all_unresolved_frames(model)
@@ -76,6 +83,6 @@ def command(stage: Path, form: str, picture: Path | None, **options: Any) -> Non
     elif form == "json":
         click.echo(as_json(table))
     else:
-        columns = terminal_width() if options["verbose"] else WIDTH
-        lines = as_table(table, columns, verbose=options["verbose"])
+        columns = terminal_width() if verbose else WIDTH
+        lines = as_table(table, columns, verbose=verbose)
         click.echo("\n".join([*lines, *folded(not_judged, WIDTH)]))

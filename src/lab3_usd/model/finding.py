@@ -6,7 +6,7 @@ Findings have one order everywhere, and notes in a stage may ignore them on purp
 from __future__ import annotations
 
 import re
-from collections.abc import Collection, Iterable
+from collections.abc import Collection, Iterable, Mapping
 from typing import TYPE_CHECKING, Literal
 
 from msgspec import Struct, field
@@ -281,12 +281,14 @@ class StageResult(Struct, frozen=True):
 class Report(Struct, frozen=True):
     """The results of one run, in the order the files were given.
 
-    `accepted` are the paths of stages whose gaps a baseline knows, each of them.
+    `accepted` are the paths of stages whose gaps a baseline knows, each of them. `dry_runs` are
+    what a page shows of stages that were played, by their paths.
     """
 
     results: tuple[StageResult, ...]
     submissions: tuple[Submission, ...] = ()
     accepted: tuple[str, ...] = ()
+    dry_runs: Mapping[str, object] = {}
 
 
 class ChecklistItem(Struct, frozen=True):

@@ -32,9 +32,9 @@ class Options(Struct, frozen=True):
     folder would be reported together; `points` are what each checkpoint is worth. `verbosity` is
     heeded by text and json. `root` is the folder that paths in SARIF, GitHub and GitLab are
     relative to (None: the current one). `visibility` says when Gradescope shows the results to the
-    student. `grade` is the grade of the one submission that is reported, `dry_runs` what stages do
-    in a dry run, by their paths, and with `editor` a place in a file is a link that opens it there;
-    only HTML shows these three. The links name the folders of this computer.
+    student. `grade` is the grade of the one submission that is reported, and with `editor` a place
+    in a file is a link that opens it there; only HTML shows these two. The links name the folders
+    of this computer.
     `changes` are the lines that the repairs of a stage's findings would change, for SARIF. `lab`
     and `given` are the words of the command line that a printed command has to repeat: before the
     name of the command, and behind it.
@@ -50,7 +50,6 @@ class Options(Struct, frozen=True):
     root: str | None = None
     visibility: str = "visible"
     grade: GradeSummary | None = None
-    dry_runs: Mapping[str, object] = {}
     editor: bool = False
     changes: Mapping[tuple[str, Site], tuple[TextChange, ...]] = {}
     lab: tuple[str, ...] = ()

@@ -4,15 +4,15 @@ from __future__ import annotations
 
 import json
 import os
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple, TypeVar
+from typing import NamedTuple, TypeVar
 
 import msgspec
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.config.settings import chosen
+from lab3_usd.config.settings import Config, chosen
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
@@ -91,7 +91,7 @@ def read_baseline(path: Path) -> Baseline:
     return baseline
 
 
-def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Compared:
+def without_known(report: Report, path: Path, config: Config) -> Compared:
     """Take what a baseline knows out of a report.
 
     Gone is what the baseline knows of the files of this report, by the rules that are asked for.
@@ -124,14 +124,15 @@ def without_known(report: Report, path: Path, options: Mapping[str, Any]) -> Com
         for known_finding in group
         if known_finding.file in files
         and not _is_among(known_finding, group, present.get(key, []))
-        and chosen(known_finding.rule, options["select"], options["ignore"])
+        and chosen(known_finding.rule, config.select, config.ignore)
     )
     results = tuple(without(result) for result in report.results)
     submissions = tuple(without(submission) for submission in report.submissions)
     accepted = tuple(
         name for name, gaps in _gaps(report, path) if set(gaps) <= set(baseline.not_judged)
     )
-    return Compared(Report(results, submissions, accepted), gone)
+    compared = replace(report, results=results, submissions=submissions, accepted=accepted)
+    return Compared(compared, gone)
 
 
 def _gaps(report: Report, path: Path) -> Iterator[tuple[str, list[KnownGap]]]:

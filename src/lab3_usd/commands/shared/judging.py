@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import importlib
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
+from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager, nullcontext, suppress
 from pathlib import Path
 from threading import Thread
@@ -21,6 +21,7 @@ from msgspec.structs import replace
 from lab3_usd import features
 from lab3_usd.commands.shared.options import understands_ansi
 from lab3_usd.commands.shared.reporting import (
+    Reporting,
     exit_code,
     rendered,
     selected_findings,
@@ -90,64 +91,62 @@ class Judge(Struct, frozen=True):
     renew: Callable[[], object] = tuple
 
 
-def run(paths: Iterable[str], judge: Judge, options: Mapping[str, Any]) -> int:
+def run(paths: Iterable[str], judge: Judge, reporting: Reporting) -> int:
     """Judge everything that the paths name, print the report, and return the exit code.
 
     Raises:
         UsageError: a path names nothing that can be judged.
     """
-    options = {**options, "dry_runs": {}}
-    if options["watch"]:
+    if reporting.view.watch:
         from lab3_usd.commands.shared.watching import Watched, prepare, watch
 
-        prepare(options)
+        prepare(reporting.report)
         watched = Watched(
             names=lambda: [entry.path for path in paths for entry in judge.find(path)],
-            judge=lambda name: _judged([*judge.find(name)], judge, options),
-            render=lambda report: rendered(report, options),
+            judge=lambda name: _judged([*judge.find(name)], judge, reporting),
+            render=lambda report: rendered(report, reporting),
             shared=judge.shared,
             renew=judge.renew,
         )
-        return watch(paths, watched, options)
+        return watch(paths, watched, reporting.report)
     entries = [entry for path in paths for entry in judge.find(path)]
     from lab3_usd.stage.read.opening import kept_open
 
-    needed = (judge.module, *AFTER_OPENING, module_of(options["form"]))
+    needed = (judge.module, *AFTER_OPENING, module_of(reporting.report.form))
     # The comparison with the starter, and some formats, look at the stage again.
     with imported_while_opening(*needed), kept_open():
-        report = _judged(entries, judge, options)
-        write_report(rendered(report, options), options["output"])
-    return exit_code(report, options)
+        report = _judged(entries, judge, reporting)
+        write_report(rendered(report, reporting), reporting.report.output)
+    return exit_code(report, reporting.report)
 
 
-def _judged(entries: list[Target], judge: Judge, options: Mapping[str, Any]) -> Report:
+def _judged(entries: list[Target], judge: Judge, reporting: Reporting) -> Report:
     """Judge all entries, and keep the findings that are asked for."""
     results: list[StageResult] = []
     submissions: list[Submission] = []
-    judged = judge.judge(entries, options["jobs"])
+    dry_runs: dict[str, object] = {}
+    judged = judge.judge(entries, reporting.view.jobs)
     # Processes end with the generator that they answer.
     ends = closing(judged) if isinstance(judged, Generator) else nullcontext()
-    with ends, _progress(judged, len(entries), options) as bar:
+    with ends, _progress(judged, len(entries), quiet=reporting.view.quiet) as bar:
         for stages, folders in bar:
-            results += (
-                with_findings(result, selected_findings(result.findings, result.path, options))
-                for result in _played(stages, options)
-            )
+            for stage in stages:
+                played = features.with_dry_run(stage) if reporting.plays else None
+                result = stage if played is None else played.result
+                if played is not None and played.drawn is not None:
+                    dry_runs[stage.path] = played.drawn
+                findings = selected_findings(result.findings, result.path, reporting)
+                results.append(with_findings(result, findings))
             submissions += (
-                replace(folder, findings=selected_findings(folder.findings, folder.path, options))
+                replace(folder, findings=selected_findings(folder.findings, folder.path, reporting))
                 for folder in folders
             )
-    return without_baseline(Report(tuple(results), tuple(submissions)), options)
+    report = Report(tuple(results), tuple(submissions), dry_runs=dry_runs)
+    return without_baseline(report, reporting)
 
 
-def _played(stages: Iterable[StageResult], options: Mapping[str, Any]) -> Iterable[StageResult]:
-    if not options.get("sim"):
-        return stages
-    return (features.with_dry_run(stage, options["dry_runs"]) for stage in stages)
-
-
-def _progress(judged: Iterable[Any], count: int, options: Mapping[str, Any]) -> Any:
+def _progress(judged: Iterable[Any], count: int, *, quiet: bool) -> Any:
     """Show a bar on standard error while many files are judged, on a terminal only."""
-    if options["quiet"] or count < 3 or not understands_ansi(sys.stderr):  # noqa: PLR2004
+    if quiet or count < 3 or not understands_ansi(sys.stderr):  # noqa: PLR2004
         return nullcontext(judged)
     return click.progressbar(judged, count, label="checking", file=sys.stderr)

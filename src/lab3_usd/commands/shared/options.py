@@ -1,22 +1,26 @@
-"""Options that several commands share, completed by what a configuration file says."""
+"""Options that several commands share, each group of them a record that a command gets."""
 
 from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Callable, Collection, Iterable, Iterator
+from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
 
 import click
 from click.core import ParameterSource
+from msgspec import Struct
 
 from lab3_usd.commands.shared.paths import AssetFolder, Input, OutputBaseline, OutputFile
-from lab3_usd.data import LAB_VARIABLE, program
+from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
     from click.shell_completion import CompletionItem
+
+    from lab3_usd.report.options import Source
 
 _Command = Callable[..., Any]
 Option = Callable[[_Command], _Command]
@@ -29,6 +33,25 @@ def all_of(*options: Option) -> Option:
         for option in reversed(options):
             command = option(command)
         return command
+
+    return add
+
+
+def recorded(name: str, kind: type[Struct]) -> Option:
+    """Hand the options that a record has as fields to the command as one, under a name."""
+    return made_of(name, kind.__struct_fields__, kind)
+
+
+def made_of(name: str, fields: Collection[str], make: Callable[..., object]) -> Option:
+    """Hand what is made of some options to the command in their place, under a name."""
+
+    def add(command: _Command) -> _Command:
+        @wraps(command)
+        def call(**parameters: Any) -> Any:
+            values = {field: parameters.pop(field) for field in fields}
+            return command(**parameters, **{name: make(**values)})
+
+        return call
 
     return add
 
@@ -91,6 +114,15 @@ from_option: Option = click.option(
     metavar="RELEASE",
     help="Also what this release, which the stage comes from, does otherwise; auto lets it tell.",
 )
+
+
+class RuleOptions(Struct, frozen=True):
+    """The rules and families that are asked for, as they were given."""
+
+    select: tuple[str, ...] = ()
+    ignore: tuple[str, ...] = ()
+
+
 rules_options = all_of(
     click.option(
         "--select",
@@ -106,9 +138,21 @@ rules_options = all_of(
         shell_complete=complete_rules,
         help="Not these rules or families.",
     ),
+    recorded("rules", RuleOptions),
 )
 
-# What is reported, where and in which form.
+
+class ReportOptions(Struct, frozen=True):
+    """In which form findings are reported, where, and which of them count."""
+
+    form: str
+    output: str | None
+    fail_on: str
+    exit_zero: bool
+    baseline: Path | None
+    write_baseline: Path | None
+
+
 report_options = all_of(
     click.option(
         "--format",
@@ -141,6 +185,7 @@ report_options = all_of(
         metavar="FILE",
         help="Write all findings to this file, for --baseline.",
     ),
+    recorded("report", ReportOptions),
 )
 
 
@@ -156,6 +201,14 @@ scene_option = click.option(
     metavar="STAGE",
     help="The stage that scripts load, over which their graphs are judged.",
 )
+
+
+class StageOptions(Struct, frozen=True):
+    """How any stage is read: over which scene, as which release, with which assets."""
+
+    scene: str | None
+    release: str | None
+    assets: tuple[str, ...]
 
 
 assets_option = click.option(
@@ -182,7 +235,18 @@ color_option: Option = click.option(
 )
 
 
-# How many judge at once, and how much is shown.
+class ViewOptions(Struct, frozen=True):
+    """How many judge at once, and how much is shown."""
+
+    jobs: int
+    watch: bool
+    quiet: bool
+    verbose: bool
+    each: bool
+    source: Source
+    statistics: bool
+
+
 view_options = all_of(
     click.option(
         "--jobs",
@@ -208,6 +272,7 @@ view_options = all_of(
     ),
     click.option("--statistics", is_flag=True, help="Count the faults by rule."),
     color_option,
+    recorded("view", ViewOptions),
 )
 
 text_or_json: Option = click.option(
@@ -326,46 +391,6 @@ def echo_folded(line: str) -> None:
     click.echo("\n".join(lines))
 
 
-config_options = all_of(
-    click.option(
-        "--config",
-        "config_file",
-        type=Input(),
-        metavar="FILE",
-        help="Use this configuration, not the nearest lab3.toml or pyproject.toml.",
-    ),
-    click.option("--isolated", is_flag=True, help="Use no configuration."),
-)
-
-
-def with_config(paths: Iterable[str], options: Mapping[str, Any]) -> dict[str, Any]:
-    """Return the options, those that were not given as the configuration has them.
-
-    Raises:
-        UsageError: the configuration is wrong, or names of rules are.
-    """
-    from lab3_usd.check.registry import own_rules_removed_on_exit
-    from lab3_usd.config.settings import Config, config_for, load_config
-
-    click.get_current_context().with_resource(own_rules_removed_on_exit())
-    if options["isolated"]:
-        config = Config()
-    elif options["config_file"] is not None:
-        config = load_config(Path(options["config_file"]))
-    else:
-        config = config_for(paths)
-    use_lab(config.lab)
-    use_assets(options.get("assets", ()), config.assets)
-    return {
-        **options,
-        "config": config,
-        "select": split_rules(options["select"]) or config.select,
-        "ignore": split_rules(options["ignore"]) or config.ignore,
-        "starter": options.get("starter") or _text(config.starter),
-        "maps": options.get("maps") or _text(config.maps),
-    }
-
-
 def lab_words(context: click.Context) -> tuple[str, ...]:
     """Return the words that name the lab on the command line, which a printed command repeats."""
     return ("--lab", context.meta[LAB_VARIABLE]) if LAB_VARIABLE in context.meta else ()
@@ -382,101 +407,3 @@ def given_words(context: click.Context, names: Collection[str] | None = None) ->
         value = context.params[name]
         for text in value if option.multiple else (value,):
             yield from option.opts[:1] if option.is_flag else (option.opts[0], str(text))
-
-
-def _text(path: Path | None) -> str | None:
-    return None if path is None else str(path)
-
-
-own_rules_option = click.option(
-    "--config",
-    "config_file",
-    type=Input(),
-    help="Also the rules of one's own that this file names.",
-)
-
-
-def use_own_rules(config_file: str | None) -> None:
-    """Add, for this call, the rules of one's own that a configuration names.
-
-    Raises:
-        UsageError: the configuration is wrong.
-    """
-    if config_file is None:
-        return
-    from lab3_usd.check.registry import own_rules_removed_on_exit
-    from lab3_usd.config.settings import load_config
-
-    click.get_current_context().with_resource(own_rules_removed_on_exit())
-    load_config(Path(config_file))
-
-
-def use_config(path: Path, assets: Iterable[str]) -> None:
-    """Read the lab, and find the assets, that the configuration of a stage names.
-
-    `assets` are those of the command line, which count first.
-
-    Raises:
-        UsageError: the configuration or an option is wrong.
-    """
-    from lab3_usd.config.settings import places_for
-
-    config = places_for(path)
-    use_lab(config.lab)
-    use_assets(assets, config.assets)
-
-
-def use_assets(given: Iterable[str], configured: Iterable[tuple[str, Path]] = ()) -> None:
-    """Let addresses lead to folders for this call: `URL=FOLDER` each, and what is configured.
-
-    Raises:
-        UsageError: one is no address, or a folder is missing.
-    """
-    places = dict(configured) | asset_places(given)
-    if places:
-        from lab3_usd.stage.read.server_assets import assets_at
-
-        click.get_current_context().with_resource(assets_at(places))
-
-
-def asset_places(given: Iterable[str]) -> dict[str, Path]:
-    """Return the folders of `URL=FOLDER` by their addresses.
-
-    Raises:
-        UsageError: one has no equals sign.
-    """
-    places: dict[str, Path] = {}
-    for text in given:
-        address, sign, folder = text.partition("=")
-        if not sign:
-            raise UsageError(f"--assets {text}: expected URL=FOLDER")
-        places[address] = Path(folder)
-    return places
-
-
-def leave_broken_lab() -> None:
-    """Leave aside, for this call, a lab of one's own that cannot be loaded: it is not needed."""
-    from lab3_usd.errors import SpecError
-    from lab3_usd.spec.load.loader import load_lab
-
-    named = os.environ.get(LAB_VARIABLE)
-    if not named:
-        return
-    try:
-        load_lab()
-    except SpecError as error:
-        click.echo(f"{program()}: the lab {named} is left aside: {error}", err=True)
-        del os.environ[LAB_VARIABLE]
-        context = click.get_current_context(silent=True)
-        if context is not None:
-            context.call_on_close(lambda: os.environ.__setitem__(LAB_VARIABLE, named))
-
-
-def use_lab(folder: Path | None) -> None:
-    """Name the lab's folder in the environment for this call, unless another is named."""
-    if folder is None or os.environ.get(LAB_VARIABLE):
-        return
-    os.environ[LAB_VARIABLE] = str(folder.resolve())
-    context = click.get_current_context(silent=True)
-    if context is not None:
-        context.call_on_close(lambda: os.environ.pop(LAB_VARIABLE, None))

@@ -4,15 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
-from msgspec.structs import replace
+from msgspec import Struct
 
 from lab3_usd import features
-from lab3_usd.commands.shared.options import given_words, lab_words, wants_color, width
+from lab3_usd.commands.shared.options import (
+    ReportOptions,
+    ViewOptions,
+    given_words,
+    lab_words,
+    wants_color,
+    width,
+)
 from lab3_usd.commands.shared.paths import refuse_stage_ending
-from lab3_usd.config.settings import selected
+from lab3_usd.config.settings import Config, selected
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, EXIT_FOUND, UsageError
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission, family_of
@@ -27,34 +34,47 @@ if TYPE_CHECKING:
 GRADESCOPE = "gradescope"  # the format with the points of grading
 
 
-def refuse_unusable(paths: Sequence[str], options: Mapping[str, Any]) -> None:
+class Reporting(Struct, frozen=True):
+    """How a command reports: in which form, how much, and which findings are asked for.
+
+    `starter` is the one that repairs take parts from. With `plays`, each stage is played as well.
+    """
+
+    report: ReportOptions
+    view: ViewOptions
+    config: Config
+    starter: str | None = None
+    plays: bool = False
+
+
+def refuse_unusable(paths: Sequence[str], options: ReportOptions) -> None:
     """Refuse an unknown format, paths that lead to nothing, and a report that is called as a stage.
 
     Raises:
         UsageError: there is no such format, no file or folder at a path, or the output has the
             ending of a stage.
     """
-    format_named(options["form"])
+    format_named(options.form)
     for path in paths:
         if not Path(path).exists():
             from lab3_usd.files import absence
 
             raise UsageError(absence(Path(path), "file or folder"))
-    if options["output"] is not None:
-        refuse_stage_ending(Path(options["output"]))
+    if options.output is not None:
+        refuse_stage_ending(Path(options.output))
 
 
-def wants_native(options: Mapping[str, Any]) -> bool:
+def wants_native(*, is_given: bool, select: Sequence[str]) -> bool:
     """Whether OpenUSD's validators are asked for, by the option or by a rule that is selected.
 
     Raises:
         UsageError: they are, and the installed usd-core has none.
     """
-    if not (options["native"] or options["select"]):
+    if not (is_given or select):
         return False
     from lab3_usd.model.native import FAMILY
 
-    if not options["native"] and FAMILY not in map(family_of, options["select"]):
+    if not is_given and FAMILY not in map(family_of, select):
         return False
     from lab3_usd.pipeline.native import require_native
 
@@ -63,19 +83,18 @@ def wants_native(options: Mapping[str, Any]) -> bool:
 
 
 def selected_findings(
-    findings: Iterable[Finding], path: str, options: Mapping[str, Any]
+    findings: Iterable[Finding], path: str, reporting: Reporting
 ) -> tuple[Finding, ...]:
     """Return the selected findings of a file, with the severities of the configuration.
 
     An unreadable file is reported in any case. Points are those of all findings.
     """
-    if options.get("form") == GRADESCOPE:  # fix has no formats
+    if reporting.report.form == GRADESCOPE:
         return tuple(findings)
-    given = {name: options[name] for name in ("select", "ignore")}
-    return selected(findings, path, replace(options["config"], **given))
+    return selected(findings, path, reporting.config)
 
 
-def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
+def without_baseline(report: Report, reporting: Reporting) -> Report:
     """Return a report without known findings, and print those that are resolved.
 
     Stages that are not judged stay so; where the reasons are known, that is printed as well.
@@ -83,8 +102,9 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
     Raises:
         UsageError: the baseline cannot be read, or is none.
     """
-    written, given = options["write_baseline"], options["baseline"]
-    if (written is None and given is None) or options["form"] == GRADESCOPE:
+    written, given = reporting.report.write_baseline, reporting.report.baseline
+    known = given if written is None else written
+    if known is None or reporting.report.form == GRADESCOPE:
         return report
     from lab3_usd.commands.shared.baseline import without_known, write_baseline
 
@@ -93,7 +113,7 @@ def without_baseline(report: Report, options: Mapping[str, Any]) -> Report:
         click.echo(
             f"{program()}: {count} finding{'s' * (count != 1)} written to {written}", err=True
         )
-    compared = without_known(report, written or given, options)
+    compared = without_known(report, known, reporting.config)
     if compared.gone:
         click.echo(f"{program()}: {len(compared.gone)} of {given} no longer found:", err=True)
     for finding in compared.gone:
@@ -118,11 +138,12 @@ _FOR_REPAIRS = (
 )
 
 
-def rendered(report: Report, options: Mapping[str, Any]) -> str:
+def rendered(report: Report, reporting: Reporting) -> str:
     """Return a report in the format asked for."""
-    form = format_named(options["form"])
+    options, view = reporting.report, reporting.view
+    form = format_named(options.form)
     rules = None
-    if form.manual or options["verbose"]:
+    if form.manual or view.verbose:
         from lab3_usd.check.manual import rules_in
 
         rules = rules_in(load_lab())
@@ -130,24 +151,23 @@ def rendered(report: Report, options: Mapping[str, Any]) -> str:
     if form.changes:
         from lab3_usd.fix.line_changes import text_changes
 
-        changes = text_changes(report, load_lab(), options.get("starter"))
-    to_terminal = options["output"] is None
+        changes = text_changes(report, load_lab(), reporting.starter)
+    to_terminal = options.output is None
     render_options = Options(
         color=to_terminal and wants_color(),
-        width=width() if to_terminal and options["form"] == "text" else 100,
-        verbosity="quiet" if options["quiet"] else "verbose" if options["verbose"] else "normal",
-        statistics=options["statistics"],
-        source=options["source"],
-        each=options["each"],
-        points=_points(report) if options["form"] == "text" else {},
-        grade=_grade(report) if options["form"] == GRADESCOPE else None,
-        dry_runs=options["dry_runs"],
+        width=width() if to_terminal and options.form == "text" else 100,
+        verbosity="quiet" if view.quiet else "verbose" if view.verbose else "normal",
+        statistics=view.statistics,
+        source=view.source,
+        each=view.each,
+        points=_points(report) if options.form == "text" else {},
+        grade=_grade(report) if options.form == GRADESCOPE else None,
         editor=True,
         changes=changes,
         lab=lab_words(click.get_current_context()),
         given=tuple(given_words(click.get_current_context(), _FOR_REPAIRS)),
     )
-    return render(options["form"], report, rules, render_options)
+    return render(options.form, report, rules, render_options)
 
 
 def _points(report: Report) -> Mapping[str, float]:
@@ -178,14 +198,14 @@ def write_report(text: str, output: str | None) -> None:
     write_whole(Path(output), text.encode("utf-8", "replace"), force=True)
 
 
-def exit_code(report: Report, options: Mapping[str, Any]) -> int:
+def exit_code(report: Report, options: ReportOptions) -> int:
     """Return the exit code of a run; a crashed rule outweighs all findings."""
     judged: list[StageResult | Submission] = [*report.results, *report.submissions]
     if any(result.crashes for result in judged):
         return EXIT_CRASH
-    if options["exit_zero"]:
+    if options.exit_zero:
         return 0
-    bad = ("error", "warning") if options["fail_on"] == "warning" else ("error",)
+    bad = ("error", "warning") if options.fail_on == "warning" else ("error",)
     not_judged = [result for result in report.results if result.verdict == "not judged"]
     if not all(_is_accepted(result, report) for result in not_judged):
         return EXIT_FOUND

@@ -2,15 +2,57 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
 import click
 
 from lab3_usd.author.request import Options, options_of
-from lab3_usd.commands.shared.options import Option, all_of
+from lab3_usd.commands.shared.options import Option, all_of, made_of
 from lab3_usd.errors import UsageError
+
+_LISTS = ("joints", "targets", "publish", "metadata")
+_NUMBERS = {"indices": int, "positions": float}
+_FLAGS = ("with_tf", "commands", "keyboard")
+
+
+def request_of(**words: Any) -> Options:
+    """Return the options of a request out of those of the command line.
+
+    Raises:
+        UsageError: a list holds something else than numbers, or a mapping no names.
+    """
+    values: dict[str, Any] = {}
+    for name, value in words.items():
+        if name in _FLAGS:
+            values[name] = True if value else None
+        elif name in _LISTS and value is not None:
+            values[name] = _items(value)
+        elif name in _NUMBERS and value is not None:
+            try:
+                values[name] = tuple(_NUMBERS[name](item) for item in _items(value))
+            except ValueError as error:
+                raise UsageError(f"--{name} {value}: expected numbers with commas") from error
+        else:
+            values[name] = value
+    if values["topic"] is not None and "=" in values["topic"]:
+        values["topic"] = _topics(values["topic"])
+    return options_of(values, "options")
+
+
+def _items(text: str) -> tuple[str, ...]:
+    return tuple(item for part in text.split(",") if (item := part.strip()))
+
+
+def _topics(text: str) -> dict[str, str]:
+    topics = {}
+    for item in _items(text):
+        name, sign, topic = item.partition("=")
+        if not sign or not topic:
+            raise UsageError(f"--topic {text}: expected OUTPUT=NAME with commas")
+        topics[name.strip()] = topic.strip()
+    return topics
+
 
 request_options: Option = all_of(
     click.option("--robot", metavar="PRIM", help="The robot, if the stage has several."),
@@ -49,48 +91,8 @@ request_options: Option = all_of(
     click.option("--speed", type=float, metavar="M", help="Way of the fingers in a frame."),
     click.option("--keyboard", is_flag=True, help="Keys move it: WASD; O, C, N of a gripper."),
     click.option("--kind", metavar="NAME", help="Of publisher: rtf, bool, int64, string."),
+    made_of("request", Options.__struct_fields__, request_of),
 )
-_LISTS = ("joints", "targets", "publish", "metadata")
-_NUMBERS = {"indices": int, "positions": float}
-_FLAGS = ("with_tf", "commands", "keyboard")
-
-
-def request_of(options: Mapping[str, Any]) -> Options:
-    """Return the options of a request out of those of the command line.
-
-    Raises:
-        UsageError: a list holds something else than numbers, or a mapping no names.
-    """
-    values: dict[str, Any] = {}
-    for name in Options.__struct_fields__:
-        value = options[name]
-        if name in _FLAGS:
-            value = True if value else None
-        elif name in _LISTS and value is not None:
-            value = _items(value)
-        elif name in _NUMBERS and value is not None:
-            try:
-                value = tuple(_NUMBERS[name](item) for item in _items(value))
-            except ValueError as error:
-                raise UsageError(f"--{name} {value}: expected numbers with commas") from error
-        values[name] = value
-    if values["topic"] is not None and "=" in values["topic"]:
-        values["topic"] = _topics(values["topic"])
-    return options_of(values, "options")
-
-
-def _items(text: str) -> tuple[str, ...]:
-    return tuple(item for part in text.split(",") if (item := part.strip()))
-
-
-def _topics(text: str) -> dict[str, str]:
-    topics = {}
-    for item in _items(text):
-        name, sign, topic = item.partition("=")
-        if not sign or not topic:
-            raise UsageError(f"--topic {text}: expected OUTPUT=NAME with commas")
-        topics[name.strip()] = topic.strip()
-    return topics
 
 
 def kind_and_stage(words: tuple[str, ...], *, has_file: bool) -> tuple[str, Path]:

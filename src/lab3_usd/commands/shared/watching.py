@@ -6,17 +6,17 @@ import os
 import sys
 import time
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator
 from contextlib import suppress
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 import click
 from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd import features
-from lab3_usd.commands.shared.options import understands_ansi
+from lab3_usd.commands.shared.options import ReportOptions, understands_ansi
 from lab3_usd.commands.shared.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.installation import install_command
@@ -202,14 +202,14 @@ class Watched(NamedTuple):
     renew: Callable[[], object] = tuple
 
 
-def prepare(options: Mapping[str, Any]) -> None:
+def prepare(options: ReportOptions) -> None:
     """Set what usd-core reads when it is imported.
 
     Raises:
         UsageError: the library for events of files is not installed, or a baseline is to be
             written again and again.
     """
-    if options["write_baseline"] is not None:
+    if options.write_baseline is not None:
         raise UsageError(
             "--watch and --write-baseline do not go together: write the baseline first"
         )
@@ -221,7 +221,7 @@ def prepare(options: Mapping[str, Any]) -> None:
         os.environ.setdefault(name, value)
 
 
-def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) -> int:
+def watch(paths: Iterable[str], watched: Watched, options: ReportOptions) -> int:
     """Judge, report, and do both again after each save; return the exit code after Ctrl-C."""
     from lab3_usd.stage.read.watched_files import text_in_memory
 
@@ -242,7 +242,7 @@ def watch(paths: Iterable[str], watched: Watched, options: Mapping[str, Any]) ->
 class _Session:
     """The report of each watched path, and the files that it depends on."""
 
-    def __init__(self, watched: Watched, options: Mapping[str, Any]) -> None:
+    def __init__(self, watched: Watched, options: ReportOptions) -> None:
         self._watched = watched
         self._options = options
         self._reports: dict[str, Report] = {}
@@ -333,13 +333,15 @@ class _Session:
 
     def close(self) -> None:
         """Replace the live page with a plain report."""
-        if self._is_page and self._version:
+        if self._page is not None and self._version:
             page = self._watched.render(self._whole())
-            features.end_live_page(page, Path(self._options["output"]))
+            features.end_live_page(page, self._page)
 
     @property
-    def _is_page(self) -> bool:
-        return self._options["form"] == "html" and self._options["output"] is not None
+    def _page(self) -> Path | None:
+        """Return the file of the live page; None where the report is another one."""
+        output = self._options.output
+        return Path(output) if self._options.form == "html" and output is not None else None
 
     def _judge(self, name: str) -> None:
         from lab3_usd.stage.read.watched_files import may_be_whole
@@ -387,6 +389,7 @@ class _Session:
         return Report(
             tuple(result for report in reports for result in report.results),
             tuple(submission for report in reports for submission in report.submissions),
+            dry_runs={path: run for report in reports for path, run in report.dry_runs.items()},
         )
 
     def _whole_as_read(self) -> Report:
@@ -401,15 +404,16 @@ class _Session:
 
     def _show(self, lines: Iterable[str]) -> None:
         """Show what is new first, then the report."""
-        if self._is_page and not self._version:
-            features.refuse_foreign_script(Path(self._options["output"]))
+        page = self._page
+        if page is not None and not self._version:
+            features.refuse_foreign_script(page)
         self._version += 1
-        output, form = self._options["output"], self._options["form"]
+        output, form = self._options.output, self._options.form
         if output is None and form == "text" and understands_ansi(sys.stdout):
             click.clear()
         text = self._watched.render(self._whole())
-        if self._is_page:
-            features.write_live_page(text, Path(output), self._version)
+        if page is not None:
+            features.write_live_page(text, page, self._version)
         elif output is not None:
             write_report(text, output)
         is_data = output is None and form != "text"

@@ -5,12 +5,12 @@ from __future__ import annotations
 import os
 from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
 
 import click
+from msgspec import Struct
 
 from lab3_usd import features
-from lab3_usd.commands.shared.options import Option, all_of
+from lab3_usd.commands.shared.options import Option, all_of, recorded
 from lab3_usd.commands.shared.paths import OutputRepair
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import FileState, is_script_file, keep_original, lines_of, replace_files
@@ -18,8 +18,15 @@ from lab3_usd.fix.patch import patch
 from lab3_usd.report.safe_text import visible
 
 _TEXT = b"#usda"
-_DIFF, _OUTPUT, _IN_PLACE = "diff", "output", "in_place"
-_WAYS = "--diff, --output and --in-place"
+
+
+class WritingOptions(Struct, frozen=True):
+    """Where an edited stage goes: nowhere but a diff, another file, or in place of the old one."""
+
+    diff: bool = False
+    output: Path | None = None
+    in_place: bool = False
+    no_orig: bool = False
 
 
 def writing_options(what: str) -> Option:
@@ -36,20 +43,22 @@ def writing_options(what: str) -> Option:
             "--in-place", is_flag=True, help="Replace the file; keep the old one as NAME.orig."
         ),
         click.option("--no-orig", is_flag=True, help="With --in-place: keep no NAME.orig."),
+        recorded("writing", WritingOptions),
     )
 
 
-def check_ways(stages: Sequence[Path], options: Mapping[str, Any]) -> None:
-    """Refuse ways of writing that exclude each other.
+def check_ways(stages: Sequence[Path], writing: WritingOptions, **further: Path | None) -> None:
+    """Refuse ways of writing that exclude each other; a command may have further ones.
 
     Raises:
         UsageError: they do, or the output has another ending than the stage.
     """
-    ways = [name for name in (_DIFF, _OUTPUT, _IN_PLACE, "layer") if options.get(name)]
-    if len(ways) > 1:
-        all_of_them = "--diff, --output, --in-place and --layer" if "layer" in options else _WAYS
-        raise UsageError(f"{all_of_them} exclude each other")
-    output = options[_OUTPUT]
+    output = writing.output
+    ways = {"--diff": writing.diff, "--output": output, "--in-place": writing.in_place}
+    ways |= {f"--{name}": value for name, value in further.items()}
+    if len([value for value in ways.values() if value]) > 1:
+        *others, last = ways
+        raise UsageError(f"{', '.join(others)} and {last} exclude each other")
     if output is None:
         return
     if len(stages) > 1:

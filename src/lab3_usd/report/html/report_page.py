@@ -41,8 +41,8 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     quoted = [rules[name] for name in sorted(names) if name in rules] if rules else []
     return fill(
         "report.html.j2",
-        more_style="maps.css" if options.dry_runs else "",
-        dry_runs=options.dry_runs,
+        more_style="maps.css" if report.dry_runs else "",
+        dry_runs=report.dry_runs,
         views=views,
         lab_title=lab.title,
         totals=summary_line(summarize(report)),

@@ -1,0 +1,171 @@
+"""What a configuration file completes: rules, lab, starter, maps and assets of a call."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Iterable
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+from msgspec import Struct
+from msgspec.structs import replace
+
+from lab3_usd.commands.shared.options import RuleOptions, all_of, recorded, split_rules
+from lab3_usd.commands.shared.paths import Input
+from lab3_usd.data import LAB_VARIABLE, program
+from lab3_usd.errors import UsageError
+
+if TYPE_CHECKING:
+    from lab3_usd.config.settings import Config
+
+
+class ConfigOptions(Struct, frozen=True):
+    """Which configuration is used: the file that is named, none, or the nearest."""
+
+    config_file: str | None
+    isolated: bool
+
+
+config_options = all_of(
+    click.option(
+        "--config",
+        "config_file",
+        type=Input(),
+        metavar="FILE",
+        help="Use this configuration, not the nearest lab3.toml or pyproject.toml.",
+    ),
+    click.option("--isolated", is_flag=True, help="Use no configuration."),
+    recorded("configuration", ConfigOptions),
+)
+
+
+def configured(
+    paths: Iterable[str],
+    configuration: ConfigOptions,
+    rules: RuleOptions,
+    assets: Iterable[str] = (),
+) -> Config:
+    """Return the configuration of a call, with the rules of the command line where it has some.
+
+    The lab and the assets that it names are used until the call ends.
+
+    Raises:
+        UsageError: the configuration is wrong, or names of rules are.
+    """
+    from lab3_usd.check.registry import own_rules_removed_on_exit
+    from lab3_usd.config.settings import Config, config_for, load_config
+
+    click.get_current_context().with_resource(own_rules_removed_on_exit())
+    if configuration.isolated:
+        config = Config()
+    elif configuration.config_file is not None:
+        config = load_config(Path(configuration.config_file))
+    else:
+        config = config_for(paths)
+    use_lab(config.lab)
+    use_assets(assets, config.assets)
+    return replace(
+        config,
+        select=split_rules(rules.select) or config.select,
+        ignore=split_rules(rules.ignore) or config.ignore,
+    )
+
+
+def as_text(path: Path | None) -> str | None:
+    """Return a path as the command line has one."""
+    return None if path is None else str(path)
+
+
+own_rules_option = click.option(
+    "--config",
+    "config_file",
+    type=Input(),
+    help="Also the rules of one's own that this file names.",
+)
+
+
+def use_own_rules(config_file: str | None) -> None:
+    """Add, for this call, the rules of one's own that a configuration names.
+
+    Raises:
+        UsageError: the configuration is wrong.
+    """
+    if config_file is None:
+        return
+    from lab3_usd.check.registry import own_rules_removed_on_exit
+    from lab3_usd.config.settings import load_config
+
+    click.get_current_context().with_resource(own_rules_removed_on_exit())
+    load_config(Path(config_file))
+
+
+def use_config(path: Path, assets: Iterable[str]) -> None:
+    """Read the lab, and find the assets, that the configuration of a stage names.
+
+    `assets` are those of the command line, which count first.
+
+    Raises:
+        UsageError: the configuration or an option is wrong.
+    """
+    from lab3_usd.config.settings import places_for
+
+    config = places_for(path)
+    use_lab(config.lab)
+    use_assets(assets, config.assets)
+
+
+def use_assets(given: Iterable[str], configured: Iterable[tuple[str, Path]] = ()) -> None:
+    """Let addresses lead to folders for this call: `URL=FOLDER` each, and what is configured.
+
+    Raises:
+        UsageError: one is no address, or a folder is missing.
+    """
+    places = dict(configured) | asset_places(given)
+    if places:
+        from lab3_usd.stage.read.server_assets import assets_at
+
+        click.get_current_context().with_resource(assets_at(places))
+
+
+def asset_places(given: Iterable[str]) -> dict[str, Path]:
+    """Return the folders of `URL=FOLDER` by their addresses.
+
+    Raises:
+        UsageError: one has no equals sign.
+    """
+    places: dict[str, Path] = {}
+    for text in given:
+        address, sign, folder = text.partition("=")
+        if not sign:
+            raise UsageError(f"--assets {text}: expected URL=FOLDER")
+        places[address] = Path(folder)
+    return places
+
+
+def leave_broken_lab() -> None:
+    """Leave aside, for this call, a lab of one's own that cannot be loaded: it is not needed."""
+    from lab3_usd.errors import SpecError
+    from lab3_usd.spec.load.loader import load_lab
+
+    named = os.environ.get(LAB_VARIABLE)
+    if not named:
+        return
+    try:
+        load_lab()
+    except SpecError as error:
+        click.echo(f"{program()}: the lab {named} is left aside: {error}", err=True)
+        del os.environ[LAB_VARIABLE]
+        context = click.get_current_context(silent=True)
+        if context is not None:
+            context.call_on_close(lambda: os.environ.__setitem__(LAB_VARIABLE, named))
+
+
+def use_lab(folder: Path | None) -> None:
+    """Name the lab's folder in the environment for this call, unless another is named."""
+    if folder is None or os.environ.get(LAB_VARIABLE):
+        return
+    os.environ[LAB_VARIABLE] = str(folder.resolve())
+    context = click.get_current_context(silent=True)
+    if context is not None:
+        context.call_on_close(lambda: os.environ.pop(LAB_VARIABLE, None))

@@ -1,0 +1,100 @@
+"""Options of grading that belong together: the bounds of a worker, the export of a platform."""
+
+from __future__ import annotations
+
+import math
+from pathlib import Path
+from typing import Any
+
+import click
+from msgspec import Struct
+
+from lab3_usd.commands.shared.options import all_of, recorded
+from lab3_usd.commands.shared.paths import Input
+
+
+class Seconds(click.FloatRange):
+    """A range of seconds; what is no number lies in none."""
+
+    def convert(
+        self,
+        value: Any,
+        param: click.Parameter | None,
+        ctx: click.Context | None,
+    ) -> Any:
+        """Return a number of the range."""
+        seconds = super().convert(value, param, ctx)
+        if not math.isfinite(seconds):
+            self.fail(f"{value} is no number of seconds.", param, ctx)
+        return seconds
+
+
+class BoundOptions(Struct, frozen=True):
+    """What a worker may use for one file: seconds of processor time, and megabytes."""
+
+    timeout: float
+    memory: int
+
+
+bound_options = all_of(
+    click.option(
+        "--timeout",
+        type=Seconds(1, 3600),
+        default=20,
+        show_default=True,
+        metavar="S",
+        help="Seconds of processor time for one file; a submission may take ten times as long.",
+    ),
+    click.option(
+        "--memory",
+        type=click.IntRange(512, 1 << 20),
+        default=2048,
+        show_default=True,
+        metavar="MB",
+        help="Memory that a worker may use.",
+    ),
+    recorded("bounds", BoundOptions),
+)
+
+
+class ExportOptions(Struct, frozen=True):
+    """Into which export of a platform points are filled, and how; `given` maps submissions."""
+
+    gradebook: str | None
+    roster: Path | None
+    column: str
+    scale: bool
+    given: Path | None
+    feedback: bool
+    dry_run: bool
+
+
+export_options = all_of(
+    click.option(
+        "--gradebook",
+        metavar="PLATFORM",
+        help="Fill the points into the export of canvas, moodle, brightspace or blackboard.",
+    ),
+    click.option(
+        "--roster",
+        type=Input(path_type=Path),
+        metavar="FILE",
+        help="The platform's own export of its gradebook, for --gradebook.",
+    ),
+    click.option("--column", default="", metavar="NAME", help="Its column for the points."),
+    click.option("--scale", is_flag=True, help="Convert the points to the maximum of the column."),
+    click.option(
+        "--map",
+        "given",
+        type=Input(path_type=Path),
+        metavar="FILE",
+        help="Table of submission and id, or classroom_roster.csv, for --gradebook.",
+    ),
+    click.option(
+        "--feedback",
+        is_flag=True,
+        help="With --gradebook: also write what returns reasons and reports on the platform.",
+    ),
+    click.option("--dry-run", is_flag=True, help="Only show what --gradebook would fill in."),
+    recorded("export", ExportOptions),
+)
