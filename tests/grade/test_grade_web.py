@@ -185,6 +185,23 @@ def test_what_a_server_gives_in_place_of_a_file_is_no_grade(
         assert ("download ended" if fault == "half" else "a web page") in rows[name]["reason"]
 
 
+@pytest.mark.parametrize("fault", ["page", "form"])
+def test_a_login_in_place_of_a_folder_is_no_empty_submission(
+    server: WebServer, tmp_path: Path, fault: str
+) -> None:
+    server.fault = lambda path: fault if path.endswith("/ben/") else None
+    rows = {row["student"]: row for row in graded(f"{server.address}/class", tmp_path / "book")}
+    assert rows["ben"]["status"] == "tool failed"
+    assert "in place of the list of its files" in rows["ben"]["reason"]
+    assert rows["eve"]["status"] == "empty"  # its listing names nothing
+
+
+def test_a_login_in_place_of_the_class_is_said(server: WebServer, tmp_path: Path) -> None:
+    server.fault = lambda _path: "form"
+    with pytest.raises(UsageError, match="as where one has to log in"):
+        graded(f"{server.address}/class", tmp_path / "book")
+
+
 def test_a_name_with_a_null_byte_costs_nobody_else_a_grade(
     place: Path, server: WebServer, tmp_path: Path
 ) -> None:

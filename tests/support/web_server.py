@@ -21,7 +21,7 @@ class WebServer:
 
     `fault` says of a request, by its path, what is wrong with its answer: a status, "short" for a
     body that ends too early, "half" for one that answers every part with the first half, "page" for
-    a page to log in, "gone" for a server that answers nothing. `password` is asked for.
+    a page to log in, "form" for one with links and a field for a password, "gone" for a server that answers nothing. `password` is asked for.
     """
 
     address: str = ""
@@ -72,16 +72,18 @@ class _Handler(SimpleHTTPRequestHandler):
             self.send_error(fault)
             return None
         if fault == "page":
-            return self._page()
+            return self._page(b"<!DOCTYPE html><title>Log in</title>")
+        if fault == "form":
+            return self._page(b'<a href="help.html">Help</a> <input type="password" name="p">')
         if fault == "half":
             return self._half()
         return super().send_head()
 
-    def _page(self) -> Any:
+    def _page(self, page: bytes) -> Any:
         self.send_response(HTTPStatus.OK)
         self.send_header("Content-Type", "text/html; charset=utf-8")
         self.end_headers()
-        return io.BytesIO(b"<!DOCTYPE html><title>Log in</title>")
+        return io.BytesIO(page)
 
     def _half(self) -> Any:
         data = Path(self.translate_path(self.path)).read_bytes()

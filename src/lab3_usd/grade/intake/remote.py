@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import os
 import queue
+import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import contextmanager, suppress
@@ -43,6 +44,9 @@ _CHUNK = 1 << 20
 _LARGER_THAN_PICTURES = 8 << 20
 _SAME_NAME = "a file and a folder have the same name"
 _PAGE, _PAGES = "text/html", (".html", ".htm", ".xhtml", ".php")
+_LOGIN = re.compile(rb"""<input[^>]*\btype\s*=\s*["']?password""", re.IGNORECASE)
+_OF_A_FOLDER = re.compile(rb"<title>[^<]*(?:index of|directory|listing)", re.IGNORECASE)
+_MOST_OF_A_PAGE = 1 << 18  # bytes that are searched for these
 _FAULT = "fault"  # what we find wrong, among what a storage says of a file
 Fetched = tuple[RefusedFile, ...]
 
@@ -150,6 +154,8 @@ def entries_of(
     """
     with _failing(name, "listed"):
         listing = sorted(storage.ls(folder, detail=True), key=lambda details: details["name"])
+        if is_address(folder):
+            _refuse_login(storage, folder, bool(listing))
     for details in listing:
         path = details["name"]
         parent, _, end = path.rstrip("/").rpartition("/")
@@ -160,6 +166,21 @@ def entries_of(
         if is_address(folder) and (not is_own or own in {".", ".."} or "/" in own):
             continue
         yield own, path.endswith("/") or details["type"] == "directory", details
+
+
+def _refuse_login(storage: Any, folder: str, has_entries: bool) -> None:
+    """Refuse a page in place of a folder's listing, as a server sends it that wants a login.
+
+    Raises:
+        UnreachedError: it asks for a password, or names no file and does not read as a listing.
+    """
+    with opened_at(storage, folder) as stream:
+        page = stream.read(_MOST_OF_A_PAGE)
+    if _LOGIN.search(page) or not (has_entries or _OF_A_FOLDER.search(page)):
+        raise UnreachedError(
+            f"{name_at(folder)}: the server sends another page in place of the list of its files, "
+            "as where one has to log in"
+        )
 
 
 @contextmanager
