@@ -88,6 +88,7 @@ agree: $(VENV)/dev
 
 fuzz: $(VENV)/dev
 	$(BIN)/python benchmarks/fuzz.py --odd 0.03
+	$(BIN)/python benchmarks/damaged_files.py
 
 odd: $(VENV)/dev
 	$(BIN)/python benchmarks/odd_values.py

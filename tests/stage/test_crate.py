@@ -88,6 +88,23 @@ def test_a_table_that_does_not_fit_is_refused(damage: str) -> None:
     assert refused(damages()[damage])
 
 
+BEGIN_OF_VALUES = 88  # behind the bootstrap; the first is the names of the root's children
+
+
+@pytest.mark.parametrize("length", [1, 300], ids=["children of the root", "points of the mesh"])
+def test_a_list_that_says_it_is_longer_than_the_file_is_refused(length: int) -> None:
+    place = layer().index(struct.pack("<Q", length), BEGIN_OF_VALUES)
+    assert refused(changed(layer(), place, ABSURD * length))
+
+
+@pytest.mark.parametrize("name", [0x7FFF0001, 0], ids=["no token", "a name that no prim has"])
+def test_a_child_that_is_no_prim_is_damage(tmp_path: Path, name: int) -> None:
+    path = tmp_path / "stage.usdc"
+    path.write_bytes(changed(layer(), BEGIN_OF_VALUES + 8, name))
+    with pytest.raises(StageError, match=r"stage\.usdc: cannot be read: it is damaged"):
+        open_stage(path)
+
+
 def test_a_whole_layer_is_not() -> None:
     counts = entry_counts(io.BytesIO(layer()))
     assert counts[b"SPECS"] > 40

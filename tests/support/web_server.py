@@ -21,7 +21,8 @@ class WebServer:
 
     `fault` says of a request, by its path, what is wrong with its answer: a status, "short" for a
     body that ends too early, "half" for one that answers every part with the first half, "page" for
-    a page to log in, "form" for one with links and a field for a password, "gone" for a server that answers nothing. `password` is asked for.
+    a page to log in, "form" for one with links and a field for a password, "gone" for a server that
+    answers nothing. `password` is asked for.
     """
 
     address: str = ""
@@ -48,6 +49,12 @@ def served(folder: Path) -> Iterator[WebServer]:
         listener.server_close()
 
 
+_PAGES: dict[object, bytes] = {
+    "page": b"<!DOCTYPE html><title>Log in</title>",
+    "form": b'<a href="help.html">Help</a> <input type="password" name="p">',
+}
+
+
 class _Handler(SimpleHTTPRequestHandler):
     def __init__(self, *arguments: Any, server_: WebServer, **options: Any) -> None:
         self._server = server_
@@ -71,10 +78,8 @@ class _Handler(SimpleHTTPRequestHandler):
         if isinstance(fault, HTTPStatus):
             self.send_error(fault)
             return None
-        if fault == "page":
-            return self._page(b"<!DOCTYPE html><title>Log in</title>")
-        if fault == "form":
-            return self._page(b'<a href="help.html">Help</a> <input type="password" name="p">')
+        if fault in _PAGES:
+            return self._page(_PAGES[fault])
         if fault == "half":
             return self._half()
         return super().send_head()

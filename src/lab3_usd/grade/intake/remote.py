@@ -7,7 +7,7 @@ import os
 import queue
 import re
 import threading
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from pathlib import Path
 from typing import Any
@@ -155,7 +155,7 @@ def entries_of(
     with _failing(name, "listed"):
         listing = sorted(storage.ls(folder, detail=True), key=lambda details: details["name"])
         if is_address(folder):
-            _refuse_login(storage, folder, bool(listing))
+            _refuse_login(storage, folder, listing)
     for details in listing:
         path = details["name"]
         parent, _, end = path.rstrip("/").rpartition("/")
@@ -168,7 +168,7 @@ def entries_of(
         yield own, path.endswith("/") or details["type"] == "directory", details
 
 
-def _refuse_login(storage: Any, folder: str, has_entries: bool) -> None:
+def _refuse_login(storage: Any, folder: str, listing: Sequence[Any]) -> None:
     """Refuse a page in place of a folder's listing, as a server sends it that wants a login.
 
     Raises:
@@ -176,7 +176,7 @@ def _refuse_login(storage: Any, folder: str, has_entries: bool) -> None:
     """
     with opened_at(storage, folder) as stream:
         page = stream.read(_MOST_OF_A_PAGE)
-    if _LOGIN.search(page) or not (has_entries or _OF_A_FOLDER.search(page)):
+    if _LOGIN.search(page) or not (listing or _OF_A_FOLDER.search(page)):
         raise UnreachedError(
             f"{name_at(folder)}: the server sends another page in place of the list of its files, "
             "as where one has to log in"

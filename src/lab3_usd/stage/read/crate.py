@@ -21,17 +21,20 @@ PACKAGE = b"PK\x03\x04"
 DAMAGED = "cannot be read: it is damaged or cut short; save it again"
 _BOOTSTRAP = struct.Struct("<8s8sq")  # a name, the version, where the table of contents begins
 _NUMBER = struct.Struct("<Q")
+_SHORT_NUMBER = struct.Struct("<L")
 _SECTION = struct.Struct("<16sqq")  # a name, where it begins, its size
 _PACKED_FILE = struct.Struct("<4s4xH8xLLHH")  # method, both sizes, lengths of name and extra field
 _MOST_SECTIONS = 64
 _OLDEST = (0, 4)  # version that usd-core reads; it says so of others
 _STORED = 0  # how a file in a package is packed: not at all
 _MOST_LARGER = 255  # times, by LZ4
+_GOES_ON = 15  # in LZ4: the length has more bytes
 _MOST_NUMBERS = 4 * _MOST_LARGER  # in a byte: a number takes two bits before that
 SPECS = b"SPECS"
+_FIELDS = b"FIELDS"
 # Numbers with which each section begins before the sizes of its parts; the first is how many
 # entries it has.
-_COUNTS = {b"FIELDS": 1, b"FIELDSETS": 1, b"PATHS": 2, SPECS: 1}
+_COUNTS = {_FIELDS: 1, b"FIELDSETS": 1, b"PATHS": 2, SPECS: 1}
 _TOKENS, _STRINGS = b"TOKENS", b"STRINGS"
 _KNOWN = {_TOKENS, _STRINGS, *_COUNTS}
 
@@ -101,6 +104,8 @@ def _entry_counts(layer: _Part) -> dict[bytes, int]:
             if name in _KNOWN and is_known:
                 counts[name] = section.number(0)
                 _check_section(section, name)
+            if name == _FIELDS and is_known:
+                _check_lists(layer, section, (version[0], version[1]))
     except struct.error as error:  # the file was cut meanwhile
         raise StageError(DAMAGED) from error
     return counts
@@ -127,6 +132,87 @@ def _check_section(section: _Part, name: bytes) -> None:
         most = _MOST_NUMBERS * section.inner(begin + _NUMBER.size, section.number(begin)).size
     if count > most:
         raise StageError(DAMAGED)
+
+
+# A value of a field, in 8 bytes: bits that say how it is kept, its type, where it lies.
+_IS_LIST, _IS_INLINE, _PLACE = 1 << 63, 1 << 62, (1 << 48) - 1
+_NUMBERED_LISTS = {40: 4, 41: 4, 48: 8, 49: 16, 50: 4}  # type of a vector, bytes of an entry
+_MOST_PACKED = 1 << 15  # bytes; a table of more is not unpacked here, which would take long
+_SHAPED, _LONG = (0, 5), (0, 7)  # versions: until here a list has a rank, from here 8 bytes of size
+
+
+def _check_lists(layer: _Part, fields: _Part, version: tuple[int, int]) -> None:
+    """Refuse a layer with a value that says it is a longer list than the layer has room for.
+
+    Raises:
+        StageError: it says so, or the table of the fields cannot be unpacked.
+    """
+    count = fields.number(0)
+    at = 2 * _NUMBER.size + fields.number(_NUMBER.size)  # behind the names
+    packed = fields.inner(at + _NUMBER.size, fields.number(at))
+    if packed.size > _MOST_PACKED or not count:
+        return
+    packed.file.seek(packed.begin)
+    values = _unpacked(packed.file.read(packed.size), count * _NUMBER.size)
+    for (value,) in _NUMBER.iter_unpack(values):
+        kind, place = value >> 48 & 0xFF, value & _PLACE
+        if value & _IS_INLINE or not place:
+            continue
+        if value & _IS_LIST:
+            start = place + 4 if version < _SHAPED else place
+            is_long = version >= _LONG
+            size = layer.number(start) if is_long else layer.read(_SHORT_NUMBER, start)[0]
+            least = 1 / _MOST_NUMBERS  # bytes that an entry takes
+        elif kind in _NUMBERED_LISTS:
+            size, least = layer.number(place), _NUMBERED_LISTS[kind]
+        else:
+            continue
+        if size * least > layer.size - place:
+            raise StageError(DAMAGED)
+
+
+def _unpacked(packed: bytes, size: int) -> bytes:
+    """Unpack one block of LZ4, which stands behind a zero, to so many bytes.
+
+    Several blocks, which only a table of gigabytes has, are not unpacked. Of the format: a byte has
+    two lengths, of what follows as it is and of what stood before; 15 goes on in the next bytes.
+
+    Raises:
+        StageError: it is no such block, or is of another size.
+    """
+    plain, at = bytearray(), 1
+    try:
+        if packed[0]:
+            return b""
+        while at < len(packed):
+            lengths, at = packed[at], at + 1
+            literal, at = _length(packed, at, lengths >> 4)
+            plain += packed[at : at + literal]
+            at += literal
+            if at >= len(packed):
+                break
+            back = packed[at] | packed[at + 1] << 8
+            again, at = _length(packed, at + 2, lengths & _GOES_ON)
+            begin, again = len(plain) - back, again + 4
+            if not 0 <= begin < len(plain) or len(plain) + again > size:
+                raise StageError(DAMAGED)
+            repeated = plain[begin : begin + again]
+            plain += (repeated * (again // len(repeated) + 1))[:again]
+    except IndexError as error:
+        raise StageError(DAMAGED) from error
+    if len(plain) != size:
+        raise StageError(DAMAGED)
+    return bytes(plain)
+
+
+def _length(packed: bytes, at: int, length: int) -> tuple[int, int]:
+    """Return a length of LZ4, and where the bytes that it takes end."""
+    if length == _GOES_ON:
+        while True:
+            length, at = length + packed[at], at + 1
+            if packed[at - 1] != _MOST_LARGER:
+                break
+    return length, at
 
 
 def _packed_layers(package: _Part) -> Iterator[_Part]:

@@ -17,7 +17,7 @@ from pxr import Sdf, Tf, Usd
 from lab3_usd.data import program
 from lab3_usd.errors import StageError
 from lab3_usd.files import is_script_file
-from lab3_usd.stage.read.crate import CRATE, SPECS, check_binary, entry_counts
+from lab3_usd.stage.read.crate import CRATE, DAMAGED, SPECS, check_binary, entry_counts
 from lab3_usd.stage.read.properties import hold_start_values
 
 _T = TypeVar("_T")
@@ -250,7 +250,12 @@ def check_layers_below(path: Path) -> None:
     seen, waiting = {path}, [path]
     while waiting:
         layer = waiting.pop()
-        for asset in _assets_of(layer):
+        try:
+            assets = _assets_of(layer)
+        except StageError as error:
+            whose = f"{path}:" if layer == path else f"{path}: leads to {layer}, which"
+            raise StageError(f"{whose} {error}") from error
+        for asset in assets:
             below = Path(os.path.normpath(layer.parent / asset))
             if below in seen or not asset or below.suffix.lower() not in ENDINGS:
                 continue
@@ -273,8 +278,15 @@ def _assets_of(layer: Path) -> Iterable[str]:
             return [name.decode("utf-8", "replace") for name in names]
         if start != CRATE or entry_counts(file).get(SPECS, 0) > _MOST_SEARCHED:
             return ()
-    opened = Sdf.Layer.FindOrOpen(str(layer))
-    return () if opened is None else opened.GetCompositionAssetDependencies()
+    opened: Any = Sdf.Layer.FindOrOpen(str(layer))
+    if opened is None:
+        return ()
+    paths: list[Sdf.Path] = []
+    opened.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    if not all(opened.GetObjectAtPath(path) for path in paths):  # at which usd-core would end
+        raise StageError(DAMAGED)
+    assets: list[str] = opened.GetCompositionAssetDependencies()
+    return assets
 
 
 def _other_ending(path: Path, start: bytes) -> StageError:
