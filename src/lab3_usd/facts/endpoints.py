@@ -198,6 +198,15 @@ def endpoints(stage: StageModel) -> tuple[Endpoint, ...]:
 
 
 @once_per_stage
+def names_by_node(stage: StageModel) -> Mapping[str, frozenset[tuple[str, str | None, str]]]:
+    """Map each node to its topics: direction, resolved name and domain."""
+    by_node: dict[str, set[tuple[str, str | None, str]]] = {}
+    for end in endpoints(stage):
+        by_node.setdefault(end.node.path, set()).add((end.direction, end.topic, end.domain.name))
+    return {path: frozenset(names) for path, names in by_node.items()}
+
+
+@once_per_stage
 def running_endpoints(stage: StageModel, direction: Direction) -> tuple[Endpoint, ...]:
     """Return the topics that something is sent to, or received from, and whose name is known."""
     return tuple(

@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.facts.arrays import listed_names
+from lab3_usd.facts.endpoints import names_by_node
 from lab3_usd.facts.execution_order import (
     Nodes,
     effective_value,
@@ -209,10 +210,25 @@ def second_commanders(subject: RobotSubject) -> Iterator[tuple[Node, str]]:
         is_stand_in = any(path in players.equivalents for players in roles.values())
         if path in own or is_stand_in or not _commands_wheels(node, subject, live):
             continue
-        graph = next(graph_model for graph_model in stage.graphs if node in graph_model.nodes)
-        if not any(is_same_graph(lab.graphs[name], graph, live) for name in own.values()):
+        graph = _graph_of(path, stage)
+        is_copy = any(
+            is_same_graph(lab.graphs[name], graph, live)
+            and _names(graph, stage) == _names(_graph_of(driver, stage), stage)
+            for driver, name in own.items()
+        )
+        if not is_copy:
             drivers = (path for path in own if _commands_wheels(live[path], subject, live))
             yield node, next(drivers, next(iter(own)))
+
+
+def _graph_of(path: str, stage: StageModel) -> GraphModel:
+    return next(graph for graph in stage.graphs if any(node.path == path for node in graph.nodes))
+
+
+def _names(graph: GraphModel, stage: StageModel) -> frozenset[tuple[str, str | None, str]]:
+    """Return the topics of a graph by their whole names, with direction and domain."""
+    by_node = names_by_node(stage)
+    return frozenset(name for node in graph.nodes for name in by_node.get(node.path, ()))
 
 
 def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:

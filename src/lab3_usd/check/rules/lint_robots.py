@@ -20,7 +20,8 @@ from lab3_usd.facts.articulations import (
     named_joints,
     wired_commands,
 )
-from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources
+from lab3_usd.facts.endpoints import names_by_node
+from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.quantities import unit_of
 from lab3_usd.facts.wheels import anchor, car_sizes, pair_sizes, unknown_shape, wheel_radius
@@ -234,7 +235,7 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
             shared, is_sure = _shared(command, other, subject)
             if shared:
                 does = "commands" if is_sure else "may command"
-                is_copy = _do_the_same(command.node, other.node, subject.live, set())
+                is_copy = _do_the_same(command.node, other.node, subject.stage, set())
                 yield Problem(
                     command.node.path,
                     f"{does} {', '.join(shared)}, which {other.node.path} commands as well",
@@ -245,13 +246,18 @@ def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
                 break
 
 
-def _do_the_same(one: Node, other: Node, live: Nodes, compared: set[tuple[str, str]]) -> bool:
-    """Whether two nodes have equal types, values and targets, and so has all that feeds them."""
+def _do_the_same(one: Node, other: Node, stage: StageModel, compared: set[tuple[str, str]]) -> bool:
+    """Whether two nodes have equal types, values and targets, and so has all that feeds them.
+
+    Topics are compared by their whole names, to which prims above a node may add a namespace.
+    """
     if one.path == other.path or (one.path, other.path) in compared:
         return True
     compared.add((one.path, other.path))
-    if one.type_name != other.type_name:
+    names, live = names_by_node(stage), live_nodes(stage)
+    if one.type_name != other.type_name or names.get(one.path) != names.get(other.path):
         return False
+    resolved = {INPUT + stage.platform.ros.namespace, *(one.type.topics if one.type else ())}
 
     def is_alike(port: str) -> bool:
         first, second = (live_sources(node, port, live) for node in (one, other))
@@ -259,12 +265,13 @@ def _do_the_same(one: Node, other: Node, live: Nodes, compared: set[tuple[str, s
             return False
         fed = zip(first, second, strict=True)
         return (
-            all(_do_the_same(a, b, live, compared) for (a, _), (b, _) in fed)
+            all(_do_the_same(a, b, stage, compared) for (a, _), (b, _) in fed)
             and (bool(first) or one.value(port) == other.value(port))
             and one.targets(port) == other.targets(port)
         )
 
-    return all(is_alike(port) for port in {*one.ports, *other.ports} if port.startswith(INPUT))
+    ports = {*one.ports, *other.ports} - resolved
+    return all(is_alike(port) for port in ports if port.startswith(INPUT))
 
 
 def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[str], bool]:
