@@ -243,6 +243,28 @@ def test_the_release_that_saved_a_stage_is_found(steps: list[Step], release: str
     assert own
 
 
+def test_a_stage_whose_renaming_ends_is_repaired_in_the_file(tmp_path: Path) -> None:
+    behind = "/World/Clock/behind"
+    steps: list[Step] = [
+        {"define": ["/World/Clock/empty", "OmniGraphNode"]},
+        {"node": [behind, "omni.isaac.ros2_bridge.ROS2Context"]},
+    ]
+    fixed, stage = moved(steps, tmp_path, "4.2", "6.2")
+    assert not {"K31", "K48"} & {finding.rule for finding in fixed.left}
+    assert value(stage, f"{behind}.node:type") == "isaacsim.ros2.bridge.ROS2Context"
+
+
+def test_the_renaming_goes_on_behind_a_node_of_an_asset() -> None:
+    steps: list[Step] = [
+        {"node": ["/World/Clock/steer", "omni.isaac.wheeled_robots.AckermannController"]},
+        {"instance": ["/World/Clock"]},
+        {"node": ["/World/Behind", "omni.isaac.ros2_bridge.ROS2Context"]},
+    ]
+    stage = broken_robot("rover", [dict(step) for step in steps])
+    stage.GetPrimAtPath("/World/Clock").SetInstanceable(False)  # noqa: FBT003 - pxr takes it so
+    assert found_by("K48", stage, "6.0").findings == ()
+
+
 def test_auto_takes_the_release_that_the_stage_tells(tmp_path: Path) -> None:
     nodes = [("/World/Camera/helper", 2), ("/World/Camera/product", 2), ("/World/Lidar/product", 2)]
     steps: list[Step] = [{"set": [f"{path}.node:typeVersion", number]} for path, number in nodes]

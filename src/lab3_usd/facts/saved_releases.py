@@ -1,4 +1,4 @@
-"""Which release of Isaac Sim saved a stage, by what of its nodes only some releases have."""
+"""Which release of Isaac Sim saved a stage, and how far another one renames its node types."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from msgspec import Struct
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.finding import node_title
-from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.model.stage import Node, OldType, StageModel, once_per_stage
 
 _TYPE, _VERSION = "node:type", "node:typeVersion"
 
@@ -34,6 +34,35 @@ class Saved(Struct, frozen=True, eq=False):
     release: str
     signs: tuple[Sign, ...]
     strange: tuple[Sign, ...]
+
+
+class EndedRenaming(Struct, frozen=True, eq=False):
+    """The prim at which Isaac Sim stops renaming old types, and those behind it that have some."""
+
+    prim: OldType
+    behind: tuple[str, ...]
+
+
+@once_per_stage
+def ended_renaming(stage: StageModel) -> EndedRenaming | None:
+    """Return where the renaming of a stage ends when it is opened, None where it comes through.
+
+    `isaacsim/core/deprecation_manager/extension.py:114-146` of v6.0.1 looks at one prim after the
+    other: no type raises a TypeError, and a type that two entries of its list match is renamed
+    twice, the second time from the root of the stage, or from a prim that refers to an asset.
+    """
+    for index, prim in enumerate(stage.old_types):
+        if _ends_renaming(prim, stage):
+            behind = tuple(each.path for each in stage.old_types[index + 1 :] if each.written)
+            return EndedRenaming(prim, behind) if behind else None
+    return None
+
+
+def _ends_renaming(prim: OldType, stage: StageModel) -> bool:
+    platform = stage.platform
+    if not prim.written:
+        return order(platform.release) >= order(platform.names.before)
+    return platform.changes.breaks.ends_at(prim.written, platform.release) and not prim.in_asset
 
 
 @once_per_stage

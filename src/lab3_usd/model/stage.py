@@ -234,6 +234,17 @@ class GraphModel(Struct, frozen=True):
         return self.path.rpartition("/")[2]
 
 
+class OldType(Struct, frozen=True):
+    """A node prim with a type from before Isaac Sim 4.5, '' for none; no instance has any.
+
+    `in_asset` is whether a prim above it refers to an asset.
+    """
+
+    path: str
+    written: str
+    in_asset: bool
+
+
 class UnresolvedAsset(Struct, frozen=True):
     """An asset that the stage asks for and that cannot be found from here.
 
@@ -292,7 +303,8 @@ class StageModel(Struct, frozen=True, eq=False):
     hold the model, while it is judged. `instances` are the paths of the outermost instances,
     `products` the render products that nodes name, by path. `overridden` are prims that look like
     nodes, which the stage only overrides; they are read where an asset is missing.
-    `build` is how a script made the stage, None for a file.
+    `old_types` are in the order in which Isaac Sim opens the stage. `build` is how a script made
+    the stage, None for a file.
     """
 
     platform: Platform
@@ -312,6 +324,7 @@ class StageModel(Struct, frozen=True, eq=False):
     scripts: tuple[Script, ...] = ()
     moving: tuple[AnimatedAttribute, ...] = ()
     products: Mapping[str, RenderProduct] = field(default_factory=dict)
+    old_types: tuple[OldType, ...] = ()
     build: Build | None = None
     derived: dict[Hashable, Any] = field(default_factory=dict)
     judged: dict[Hashable, Any] = field(default_factory=dict)

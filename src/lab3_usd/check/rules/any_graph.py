@@ -119,6 +119,36 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
                 hint=None if subject.stage.build is None else "write the names of this release",
                 fix=other.edits,
             )
+        if isinstance(subject, LintSubject):
+            yield from _deactivated(graph, subject)
+
+
+def _deactivated(graph: GraphModel, subject: LintSubject) -> Iterator[Problem]:
+    """Yield deactivated nodes with old types, which are not renamed when the stage is opened.
+
+    `isaacsim/core/deprecation_manager/extension.py:114` looks at what Stage.Traverse() has.
+    """
+    platform = subject.platform
+    is_renamed = order(platform.release) >= order(platform.names.before)
+    old = {
+        node.path: platform.type_name(node.type_name)
+        for node in graph.absent
+        if is_renamed and node.reason == DEACTIVATED and platform.names.is_old(node.type_name)
+    }
+    known = {path: name for path, name in old.items() if name in platform.types}
+    if known:
+        nodes = (
+            "1 deactivated node has" if len(known) == 1 else f"{len(known)} deactivated nodes have"
+        )
+        yield Problem(
+            graph.path,
+            f"{nodes} an old type name, which Isaac Sim does not rename when it opens the stage",
+            expected=next(iter(known.values())),
+            related=tuple(known),
+            severity="note",
+            identity=DEACTIVATED,
+            hint="write the new name into the file before you activate the node",
+        )
 
 
 def _stops_script(graph: GraphModel, subject: GraphsSubject) -> bool:

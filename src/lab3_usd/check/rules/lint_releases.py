@@ -13,6 +13,7 @@ from lab3_usd.check.repairs import TYPE
 from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.feeding import working_nodes
 from lab3_usd.facts.read_sensors import read_lidars, read_sensors
+from lab3_usd.facts.saved_releases import ended_renaming
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
@@ -89,29 +90,33 @@ def interrupted_renaming(subject: LintSubject) -> Iterator[Problem]:
     """Isaac Sim stops renaming old node types at this node.
 
     Why: when a stage is opened, old type names are replaced one after the other. An error at this
-    node ends that, and the nodes behind it in the stage stay unknown: they do nothing.
+    node ends that, and the nodes behind it in the stage stay unknown: they do nothing. Saving the
+    stage then does not help.
 
     Fix: rename the types in the file before you open it, with `lab3 fix --lint`, and replace this
-    node by one of the release that you use.
+    node, or give it its type.
 
-    Example: an Ackermann Controller of 4.2 in a stage that is opened in 6.0.
+    Example: an Ackermann Controller of 4.2 in a stage that is opened in 6.0, or an empty
+    `node:type`.
 
-    Basis: `isaacsim/core/deprecation_manager/extension.py:118-127` of 5.1 and 6.0.1, which raises
-    there when it is run; 6.2 does not.
+    Basis: `isaacsim/core/deprecation_manager/extension.py:114-146`. When it is run, it raises at an
+    Ackermann Controller in 5.1 and 6.0.1, not in 6.2, and at an empty type in 6.0.1 and 6.2.
     """
-    names, breaks = subject.platform.names, subject.platform.changes.breaks
-    old = [node for node in subject.live.values() if names.is_old(node.saved_type)]
-    for node in old:
-        if breaks.ends_at(node.saved_type, subject.platform.release) and len(old) > 1:
-            yield Problem(
-                node.path,
-                f"Isaac Sim {subject.platform.release} ends the renaming of old types at this "
-                f"node: of {len(old) - 1} other nodes with one, those behind it stay unknown",
-                property=TYPE,
-                actual=node.saved_type,
-                related=tuple(each.path for each in old if each is not node),
-                hint="rename them in the file, before it is opened: lab3 fix --lint",
-            )
+    ended = ended_renaming(subject.stage)
+    if ended is None:
+        return
+    path, count = ended.prim.path, len(ended.behind)
+    behind = "1 node behind it stays" if count == 1 else f"{count} nodes behind it stay"
+    yield Problem(
+        path,
+        f"Isaac Sim {subject.platform.release} stops renaming old types at this node"
+        f"{'' if ended.prim.written else ', which has no type'}: {behind} unknown",
+        property=TYPE,
+        actual=ended.prim.written or None,
+        related=ended.behind,
+        severity=None if ended.prim.written else "error",
+        hint="repair the file before it is opened: lab3 fix --lint",
+    )
 
 
 @rule("K49", "skipped-readings", scope="lint", severity="warning")

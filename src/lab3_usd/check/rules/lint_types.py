@@ -8,11 +8,11 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, can_become, folded_into_readers
 from lab3_usd.facts.likely_names import did_you_mean, meant_type
-from lab3_usd.facts.saved_releases import saved_by
+from lab3_usd.facts.saved_releases import ended_renaming, saved_by
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.releases import order
-from lab3_usd.model.changes import Edit, RemovePrim, SetValue
+from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
 
@@ -31,9 +31,12 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: the types that Isaac Sim's source registers. Kit's handling of other types is not public.
     """
+    ended = ended_renaming(subject.stage)
+    ends_at = None if ended is None else ended.prim.path  # K48 says so
     for node in nodes_of_unknown_type(subject.stage):
         if not node.saved_type:
-            yield _without_type(node, subject)
+            if node.path != ends_at:
+                yield _without_type(node, subject)
             continue
         successor = subject.platform.deprecated.get(node.type_name)
         if successor is not None:
@@ -69,17 +72,11 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _without_type(node: Node, subject: LintSubject) -> Problem:
-    """Return the problem of a node without a type; one at which renaming ends is to go first."""
-    names = subject.platform.names
-    old = sum(names.is_old(each.saved_type) for each in subject.live.values())
-    ends = f", and ends the renaming of old types there ({old} nodes have some)" if old else ""
     return Problem(
         node.path,
-        f"the node has no type: Isaac Sim drops it{ends}",
+        "the node has no type: Isaac Sim drops it",
         property=TYPE,
         expected="the type of the node",
-        hint="remove the node in the file, before it is opened" if old else None,
-        fix=(RemovePrim(node.path),) if old and not any(node.ports) else (),
         rests_on=subject.stage.unknown(node.path),
     )
 

@@ -24,6 +24,7 @@ from lab3_usd.model.stage import (
     GraphModel,
     GraphVariable,
     Node,
+    OldType,
     PortState,
     RenderProduct,
     Script,
@@ -103,6 +104,7 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
         scripts=tuple(scan.scripts),
         moving=changes_after_start(stage),
         products=_named_products(stage, scan),
+        old_types=tuple(scan.old_types),
     )
 
 
@@ -154,6 +156,7 @@ class _Scan:
         self.scripts: list[Script] = []
         self.instances: set[str] = set()
         self.overridden: list[str] = []
+        self.old_types: list[OldType] = []
         self._namespaces: dict[str, tuple[str, ...]] = {"/": ()}
         self._types: dict[str, tuple[str, NodeType | None, Mapping[str, OtherName]]] = {}
 
@@ -250,6 +253,9 @@ class _Scan:
         version = properties[_VERSION].value()
         type_name, kind, others = self._types.get(written) or self._type(written)
         ports = read_ports(properties, kind, others)
+        is_traversed = IS_PRESENT(prim) and not prim.IsInstanceProxy()
+        if is_traversed and (not written or self._platform.names.is_old(written)):
+            self.old_types.append(OldType(path, written, _is_in_asset(prim)))
         if not type_name and not ports:
             return  # a leftover, which is no node
         namespaces = self._namespaces_above(prim, path)
@@ -346,6 +352,14 @@ def _nodes_in_layers(graph: Usd.Prim, node_type: str) -> int:
     return len(
         {child.name for spec in specs for child in spec.nameChildren if child.typeName == node_type}
     )
+
+
+def _is_in_asset(prim: Usd.Prim) -> bool:
+    """Whether a prim above this one refers to an asset."""
+    while prim := prim.GetParent():
+        if prim.HasAuthoredReferences() or prim.HasAuthoredPayloads():
+            return True
+    return False
 
 
 def _written_ports(
