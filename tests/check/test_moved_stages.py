@@ -14,6 +14,7 @@ from pxr import Sdf, Usd
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.saved_releases import saved_by
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_linted
+from lab3_usd.model.finding import ordered
 from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.read.reader import read_model
 
@@ -81,6 +82,15 @@ def test_the_old_default_is_written(before: str, after: str, tmp_path: Path, *, 
     fixed, stage = moved([OPEN], tmp_path, before, after)
     assert value(stage, RESET) is kept
     assert not any(finding.rule == "K39" and finding.fix for finding in fixed.left)
+
+
+def test_what_most_stages_meet_comes_first() -> None:
+    steps: list[Step] = [OPEN, {"node": ["/Aside", "omni.isaac.ros2_bridge.ROS2Context"]}]
+    stage = broken_robot("rover", [dict(step) for step in steps])
+    findings = ordered(linted(stage, "6.2", "5.1").findings)
+    warnings = [each for each in findings if each.severity == "warning"]
+    assert len(warnings) > 1
+    assert (warnings[0].prim, warnings[0].property) == (TIME, "inputs:resetOnStop")
 
 
 def test_places_of_one_graph_are_one_finding() -> None:

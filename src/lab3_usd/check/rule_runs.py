@@ -158,6 +158,7 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         counted=rule.counted,
         identity=problem.identity,
         span=problem.span,
+        comes_first=problem.comes_first,
     )
 
 

@@ -54,7 +54,8 @@ class Problem(Struct, frozen=True):
     reported, and undoing it is the repair. `if_supplied` is the hint of
     the warning that stays where the starter has the problem itself. `identity` says which problem
     of its rule it is where its site does not: one of the whole stage is shown at some node of it.
-    `span` is the part of the script that it is about, where its site does not tell.
+    `span` is the part of the script that it is about, where its site does not tell. `comes_first`
+    puts it before others of its severity.
     """
 
     prim: str
@@ -78,6 +79,7 @@ class Problem(Struct, frozen=True):
     rests_on: UnresolvedAsset | None = None
     identity: str | None = None
     span: Span | None = None
+    comes_first: bool = False
 
 
 class Finding(Struct, frozen=True):
@@ -113,6 +115,7 @@ class Finding(Struct, frozen=True):
     counted: tuple[str, str] = ("", "")
     identity: str | None = None
     span: Span | None = None
+    comes_first: bool = False
 
 
 Site = tuple[str, str, str | None]
@@ -335,16 +338,17 @@ def section_key(name: str | None) -> SectionKey:
 
 
 def ordered(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-    """Sort findings by severity, section of the handout, place and rule.
+    """Sort findings by severity, what comes first in it, section of the handout, place and rule.
 
     No run and no hash seed changes the order.
     """
     return tuple(sorted(findings, key=_key))
 
 
-def _key(finding: Finding) -> tuple[int, SectionKey, str, str, str, str]:
+def _key(finding: Finding) -> tuple[int, bool, SectionKey, str, str, str, str]:
     return (
         SEVERITIES.index(finding.severity),
+        not finding.comes_first,
         section_key(finding.handout),
         finding.prim,
         finding.property or "",

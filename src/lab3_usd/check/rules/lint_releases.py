@@ -222,6 +222,7 @@ def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]
             actual=display(now),
             hint=f"write {display(was)} to keep what the stage did, or accept {display(now)}",
             fix=tuple(SetValue(node.path, port, usd_type, was) for node in nodes),
+            comes_first=port == next(iter(changes.defaults)),  # which most stages meet
         )
 
 
