@@ -14,7 +14,21 @@ from typing import Generic, Protocol, TypeVar
 
 from msgspec import Struct, field
 
-from lab3_usd.model.stage import is_acyclic
+
+def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
+    """Whether no name leads back to itself."""
+    after: dict[str, list[str]] = {}
+    waiting: dict[str, int] = {}
+    for before, name in pairs:
+        after.setdefault(before, []).append(name)
+        waiting[name] = waiting.get(name, 0) + 1
+    ahead = [name for name in after if name not in waiting]
+    while ahead:
+        for name in after.pop(ahead.pop(), ()):
+            waiting[name] -= 1
+            if not waiting[name]:
+                ahead.append(name)
+    return not after
 
 
 class Placement(Protocol):

@@ -10,8 +10,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes, live_sources, may_give
+from lab3_usd.facts.tree import is_acyclic
 from lab3_usd.isaac.node_types import INPUT, Dynamic, NodeType, Port, can_connect, without_role
-from lab3_usd.model.stage import Node, StageModel, absence_reason, is_acyclic, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, absence_reason, once_per_stage
 
 Kind = Literal["execution", "data"]
 _NONE: frozenset[str] = frozenset()

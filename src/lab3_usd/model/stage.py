@@ -48,22 +48,6 @@ def same_value(was: Value | None, now: Value | None, *, near_zero: float = 1e-12
     return was == now
 
 
-def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
-    """Whether no name leads back to itself."""
-    after: dict[str, list[str]] = {}
-    waiting: dict[str, int] = {}
-    for before, name in pairs:
-        after.setdefault(before, []).append(name)
-        waiting[name] = waiting.get(name, 0) + 1
-    ahead = [name for name in after if name not in waiting]
-    while ahead:
-        for name in after.pop(ahead.pop(), ()):
-            waiting[name] -= 1
-            if not waiting[name]:
-                ahead.append(name)
-    return not after
-
-
 class Unknown(Struct, frozen=True, gc=False):
     """A value that a script sets and that is not known before it runs: what it calls it, and where.
 
