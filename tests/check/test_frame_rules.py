@@ -128,6 +128,31 @@ def test_a_name_override_is_found_at_its_prim(frame: str) -> None:
     assert sites(stage) == [("T01", FRAME_ROLES[frame], "isaac:nameOverride")]
 
 
+def overridden(**names: str) -> StageModel:
+    stage = m.stage()
+    for frame, name in names.items():
+        stage = m.with_prim(stage, FRAME_ROLES[frame], attributes={"isaac:nameOverride": name})
+    return stage
+
+
+@pytest.mark.parametrize(
+    "names",
+    [
+        {"wheel_left_link": "wheel_right_link", "wheel_right_link": "wheel_left_link"},
+        {"base_scan": "Camera_1", "Camera_1": "base_scan"},
+        {"base_link": "base_scan", "base_scan": "Camera_1", "Camera_1": "base_link"},
+    ],
+)
+def test_frames_that_overrides_exchange_are_found_at_their_prims(names: dict[str, str]) -> None:
+    found = problems(overridden(**names))["T01"]
+    assert {problem.prim for problem in found} == {FRAME_ROLES[frame] for frame in names}
+    assert {problem.property for problem in found} == {"isaac:nameOverride"}
+
+
+def test_an_override_that_another_prim_keeps_its_name_against_does_no_harm() -> None:
+    assert sites(overridden(wheel_left_link="wheel_right_link")) == []
+
+
 @pytest.mark.parametrize("frame", FRAME_ROLES)
 def test_a_prim_that_is_not_in_the_scene_is_left_to_the_rules_of_the_scene(frame: str) -> None:
     assert sites(m.without_prim(m.stage(), FRAME_ROLES[frame])) == []

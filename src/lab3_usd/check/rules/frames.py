@@ -50,13 +50,29 @@ def missing_frame(view: TfView) -> Iterator[Problem]:
     """
     for maker in frame_sources(view):
         if not lists_its_parent(maker.node, view) and not lacks_only_the_camera(maker, view):
-            yield from _missing_of(maker, missing_frames(maker, view), view)
+            frames = [*missing_frames(maker, view), *_exchanged_frames(maker, view)]
+            yield from _missing_of(maker, frames, view)
         for frame, asset in frames_of_missing_assets(maker, view).items():
             message = f"nothing publishes the frame '{frame}'"
             unmet = tuple(place for place, _ in frame_places(frame))
             yield Problem(
                 maker.prims[frame], message, handout=maker.handout, unmet=unmet, rests_on=asset
             )
+
+
+def _exchanged_frames(maker: FrameSource, view: TfView) -> list[str]:
+    """Return the required frames that are those of other prims, by the overrides of both."""
+    of_maker = [edge for edge in view.edges if edge.cause == maker.node.path]
+    names = {edge.prim: edge.child for edge in of_maker}
+    places = {edge.child: edge.prim for edge in of_maker}
+    return [
+        frame
+        for _, frame in view.subject.lab.frames.edges
+        if (home := maker.prims.get(frame)) is not None
+        and frame_name(home, view.stage) != frame
+        and names.get(home, frame) != frame
+        and places.get(frame, home) != home
+    ]
 
 
 def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterator[Problem]:
