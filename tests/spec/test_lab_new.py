@@ -263,20 +263,32 @@ def test_a_folder_that_exists_is_kept(built: Path, tmp_path: Path) -> None:
     assert list(tmp_path.iterdir()) == []
 
 
-def test_a_stage_without_a_graph_leaves_nothing_behind(tmp_path: Path) -> None:
-    starter = tmp_path / "starter.usda"
+def test_a_stage_without_a_graph_gives_a_scene_and_an_empty_course(tmp_path: Path) -> None:
+    starter, folder = tmp_path / "starter.usda", tmp_path / "lab"
     ran("starter", "-o", starter)
-    assert refusal(tmp_path / "lab", starter) == "the stage has no Action Graph"
-    assert list(tmp_path.iterdir()) == [starter]
+    code, said = ran("lab", "new", folder, starter)
+    assert code == 0
+    assert "checkpoint starter, pass, " in said
+    lab = load_lab(folder)
+    assert not lab.graphs
+    assert lab.scene.robot.path == "/turtlebot3_burger"
 
 
-def test_a_stage_without_a_robot_is_refused(tmp_path: Path) -> None:
+def test_a_parent_that_holds_graphs_alone_comes_with_them(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(write_stage(tmp_path)))
-    for path in ("/World/Carter", "/World/Inertia", "/World/Wheels/motors"):
-        stage.RemovePrim(path)
+    layer = stage.GetRootLayer()
+    Sdf.CreatePrimInLayer(layer, "/Graph").specifier = Sdf.SpecifierDef
+    Sdf.CopySpec(layer, "/World/Wheels", layer, "/Graph/Wheels")
+    stage.RemovePrim("/World/Wheels")
     stage.Save()
-    said = "the stage has no robot: it has no articulation root, and no graph names a prim"
-    assert refusal(tmp_path / "lab", tmp_path / "carter_yard.usda") == said
+    folder = tmp_path / "lab"
+    ran("lab", "new", folder, tmp_path / "carter_yard.usda")
+    assert "/Graph" not in [
+        f"/{name}" for name in yaml.safe_load((folder / "starter.yaml").read_text())["prims"]
+    ]
+    parent = load_lab(folder).scene.world.graph_parent
+    assert parent is not None
+    assert parent.path == "/World"
 
 
 def test_a_stage_that_is_not_there_is_said(tmp_path: Path) -> None:

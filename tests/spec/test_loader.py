@@ -316,7 +316,7 @@ WRONG_SCENES = {
         put("robot", "links", "base_link", "mass", value="0.8 kg"),
         ("robot", "base_link", "mass", "0.8 kg"),
     ),
-    "graphs without a parent": (drop("world", "graph_parent"), ("world", "graph_parent")),
+    "ground without a place": (drop("world", "ground", "usual"), ("world", "ground")),
     "tolerance in words": (put("tolerance", "mass", value="small"), ("tolerance", "mass")),
     "missing tolerance": (drop("tolerance", "rest"), ("tolerance", "rest")),
     "map with two numbers": (put("map", "origin", value=[0, 0]), ("map", "origin")),

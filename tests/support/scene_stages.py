@@ -29,8 +29,8 @@ def model_of(stage: Usd.Stage) -> StageModel:
 
 def stage_rules() -> dict[str, Rule]:
     """The rules about files, scene and sensors that judge a stage, by id."""
-    of_stage = (*rules_of("stage", *FAMILIES, "D"), *rules_of("robot", *FAMILIES))
-    found = (*rules_of("model", "F"), *of_stage)
+    of_robots = (*rules_of("robot", *FAMILIES), *rules_of("world", *FAMILIES))
+    found = (*rules_of("model", "F"), *rules_of("stage", *FAMILIES, "D"), *of_robots)
     by_id = {rule.id: rule for rule in found if rule.id[0] in FAMILIES or rule.id == OF_ALL_SENSORS}
     return dict(sorted(by_id.items()))
 

@@ -12,7 +12,7 @@ from lab3_usd.check.match.diagnosis import diagnose
 from lab3_usd.check.match.graphs import match_all
 from lab3_usd.check.match.rule_inputs import GraphSubject, JudgedStage, LintSubject, StageSubject
 from lab3_usd.check.message_suffixes import with_named_nodes
-from lab3_usd.check.registry import import_rules, own_rules, rules_of
+from lab3_usd.check.registry import Scope, import_rules, own_rules, rules_of
 from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
@@ -67,8 +67,9 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
             relocations=relocations,
             graphs=subjects,
         )
-        of_stage = (*rules_of("stage", *STAGE_FAMILIES), *rules_of("robot", *STAGE_FAMILIES))
-        of_stage = (*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id))
+        scopes: tuple[Scope, ...] = ("stage", "robot", "world")
+        of_stage = [each for scope in scopes for each in rules_of(scope, *STAGE_FAMILIES)]
+        of_stage = [*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)]
         run.keep(run_rules(of_stage, [whole], lab))
         if checkpoint.frames:
             run.keep(run_rules(rules_of("frames", *STAGE_FAMILIES), [tf_view(whole)], lab))

@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.data import as_called, program
 from lab3_usd.isaac.releases import BASE
+from lab3_usd.spec.scene import NO_ROBOT
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
@@ -177,7 +178,11 @@ def _at(words: Sequence[str], number: int) -> str:
 
 
 def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
+    parent = lab.scene.world.graph_parent
+    yield "world", "" if parent is None else parent.path
     robot = lab.scene.robot
+    if robot is NO_ROBOT:
+        return
     joints, wheels = [*robot.wheels.joints, *robot.joints], list(robot.wheels.joints.values())
     links = [name for name in robot.links if name not in (robot.base_frame, *wheels)]
     placed = [name for name in links if robot.links[name].offset is not None]
@@ -190,7 +195,6 @@ def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
     yield "joint", _at(joints, 0)
     yield "other_joint", _at(joints, 1)
     yield "joint_path", robot.joint_path(joints[0]) if wheels else ""
-    yield "world", lab.scene.world.graph_parent.path
 
 
 def _of_sensors(lab: Lab) -> Iterator[tuple[str, str]]:

@@ -18,16 +18,17 @@ from lab3_usd.model.finding import Place, Problem, Severity, family_of
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Checkpoint, Lab
 
-# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, the
-# same for each robot of the lab, its transforms (from the checkpoint on that asks for them), the
-# requirements beside the findings that stay, the stage beside its starter, the map files, the saved
-# output of the running system, the folder. Rules of the scope `model` look at a stage with or
-# without a spec, as those of one's `own` do, those of `lint` at one without, those of `native` at
-# what OpenUSD's validators say of it.
+# What a rule looks at: one graph of a spec beside its graph in the stage, the whole stage, the same
+# for each robot of the lab, the world around each or around none, its transforms (from the
+# checkpoint on that asks for them), the requirements beside the findings that stay, the stage
+# beside its starter, the map files, the saved output of the running system, the folder. Rules of
+# the scope `model` look at a stage with or without a spec, as those of one's `own` do, those of
+# `lint` at one without, those of `native` at what OpenUSD's validators say of it.
 Scope = Literal[
     "graph",
     "stage",
     "robot",
+    "world",
     "model",
     "lint",
     "native",

@@ -178,7 +178,8 @@ def _in_order(lab: Lab, checkpoint: Checkpoint, stated: tuple[Demands, ...]) -> 
     joints = (robot.joint_path(name) for robot in robots for name in robot.wheels.joints)
     links = (path for robot in robots for path in (robot.path, *robot.link_paths))
     sensors = (lab.sensors[name].path for name in checkpoint.sensors)
-    parts = ["/", lab.scene.world.graph_parent.path, *links, "assembly"]
+    parent = lab.scene.world.graph_parent
+    parts = ["/", *([] if parent is None else [parent.path]), *links, "assembly"]
     parts += [*joints, "world", "starter", *sensors]
     places = {part: number for number, part in enumerate(parts)}
     demands = (demand for demands in stated for demand in demands(lab, checkpoint))

@@ -100,9 +100,14 @@ def _as_judged(problem: Problem, rule: Rule, subject: Any) -> Problem:
 
 
 def problems_of(rule: Rule, subject: Any) -> Iterator[Problem]:
-    """Return what a rule finds; one about robots looks at each robot of a stage."""
-    if rule.scope == "robot":
+    """Return what a rule finds; one about robots looks at each robot of a stage.
+
+    One about the world around a robot looks at a stage without robots as well.
+    """
+    if rule.scope == "robot" or (rule.scope == "world" and subject.robots):
         return chain.from_iterable(map(rule.check, subject.robots))
+    if rule.scope == "world":
+        return rule.check(subject.without_robot)
     return rule.check(subject)
 
 

@@ -181,8 +181,9 @@ def describe_steps(
     *,
     frames: bool,
 ) -> tuple[Step, ...]:
-    """Return the checkpoints: `sensors` are the names of the sensors by graph."""
-    steps = [Step(names.ids[0], names.names[0], _STARTER, part_letter(0))]
+    """Return the checkpoints: `sensors` are the names of the sensors by graph, '' for none."""
+    first = tuple(sensors.get("", ()))
+    steps = [Step(names.ids[0], names.names[0], _STARTER, part_letter(0), sensors=first)]
     for number, (name, graph) in enumerate(graphs.items(), start=1):
         steps.append(
             Step(

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from lab3_usd.facts.frame_targets import frame_name
 from lab3_usd.facts.frames import published_edges
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import order
+from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import GraphModel, StageModel
 from lab3_usd.new_lab.changes import (
     optional_stages,
@@ -37,12 +38,13 @@ from lab3_usd.new_lab.checkpoints import (
     submission_text,
 )
 from lab3_usd.new_lab.graphs import GraphText, catalog_text, describe_graphs, running_graphs
-from lab3_usd.new_lab.robot import has_robot
+from lab3_usd.new_lab.robot import PART, has_robot
 from lab3_usd.new_lab.scene import (
     Source,
     appearance_below,
     describe_scene,
     describe_sensors,
+    holds_graphs_alone,
     read_source,
     targets_of,
 )
@@ -103,7 +105,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
 
     Raises:
         StageError: a stage cannot be read.
-        UsageError: the last one has no robot, or no graph, or lacks what an earlier one has.
+        UsageError: the last one has no prim, or lacks what an earlier one has.
     """
     types = in_release_of(paths, types)
     lab = replace(lab, platform=in_release_of(paths, lab.platform))
@@ -114,10 +116,14 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
     else:
         by_graph: dict[str, list[str]] = {}
         for name, sensor in parts.lab.sensors.items():
-            by_graph.setdefault(_home(sensor.path, parts.texts), []).append(name)
+            home = _home(sensor.path, parts.texts)
+            by_graph.setdefault("" if home is None else home.name, []).append(name)
         has_frames = parts.has_frames
         steps = describe_steps(parts.names, parts.lab.graphs, by_graph, frames=has_frames)
-    starter = describe_starter(paths[0], parts.lab)
+    graphs = parts.lab.graphs.values()
+    above = {parent for graph in graphs for parent in [*upwards(graph.path)][1:]}
+    made = [parent for parent in above if holds_graphs_alone(sources[0].stage, parent)]
+    starter = describe_starter(paths[0], parts.lab, made)
     files = _files(sources[-1], parts, steps, lab.platform)
     return Description(
         files={**files, **({STARTER: starter.text} if starter.text else {})},
@@ -140,8 +146,6 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     texts = describe_graphs(
         graph_models.values(), source.lab, _first_stages(sources, held, optional)
     )
-    if not texts:
-        raise UsageError("the stage has no Action Graph")
     graphs = {text.spec.name: text.spec for text in texts}
     stems = [source.stem for source in sources]
     names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
@@ -150,10 +154,10 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     scenes = {
         id_: describe_scene(each.stage, sources[0].stage, graphs, source.lab, names.ids[-1])
         for id_, each in zip(names.ids[-len(sources) :], sources, strict=True)
-        if each is source or _is_whole(each.stage, graphs.values())
+        if each is source or _is_whole(each.stage, stage, graphs.values())
     }
     scene, differing = steady_scene(scenes.pop(names.ids[-1]), scenes)
-    sections = {prim.path: graphs[_home(prim.path, texts)].handout for prim in source.sensors}
+    sections = {prim.path: _section(prim.path, texts) for prim in source.sensors}
     others = {
         id_: describe_sensors(
             each, dict.fromkeys((prim.path for prim in each.sensors), "") | sections
@@ -166,7 +170,7 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     namespaces = dict(s for path in places for s in namespaces_above(path, stage))
     scene |= {"namespaces": namespaces} if namespaces else {}
     lab = replace(source.lab, graphs=graphs, scene=parse_scene(scene))
-    robots = [scene["robot"]] if "robot" in scene else scene["robots"].values()
+    robots = [scene["robot"]] if "robot" in scene else scene.get("robots", {}).values()
     for path, shown in appearance_below(source, lab).items():
         next(robot for robot in robots if robot["path"] == path)["appearance_below"] = shown
     overrides = dict(_frame_names(stage, replace(lab, scene=parse_scene(scene))))
@@ -176,7 +180,7 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     edges = _edges(stage, replace(lab, graphs=built_on))
     bases = [lab.frame_of(robot.base) for robot in lab.scene.robots]
     frames: dict[str, Any] = {
-        "handout": texts[-1].spec.handout,
+        "handout": texts[-1].spec.handout if texts else PART,
         "edges": [f"{parent} -> {child}" for parent, child in edges],
     }
     deeper = [base for base in bases if any(base in edge for edge in edges)]
@@ -188,9 +192,10 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     return _Parts(texts, names, scene, frames, lab, outside, differing, optional)
 
 
-def _is_whole(stage: StageModel, graphs: Iterable[GraphSpec]) -> bool:
-    """Whether a stage has a robot, and all of its assets."""
-    return not stage.unresolved and has_robot(stage, graphs)
+def _is_whole(stage: StageModel, last: StageModel, graphs: Collection[GraphSpec]) -> bool:
+    """Whether a stage has all of its assets, and a robot where the last one has one."""
+    has_all = has_robot(stage, graphs) or not has_robot(last, graphs)
+    return not stage.unresolved and has_all
 
 
 def _with_changes(
@@ -275,10 +280,16 @@ def _published(stage: StageModel, lab: Lab) -> set[tuple[str, str]]:
     return {(edge.parent, edge.child) for edge in edges if edge.child in known}
 
 
-def _home(sensor: str, texts: Sequence[GraphText]) -> str:
+def _home(sensor: str, texts: Sequence[GraphText]) -> GraphSpec | None:
     """Return the graph with which a sensor comes: the first that names it, else the last."""
-    named = (text.spec.name for text in texts if sensor in targets_of(text.spec))
-    return next(named, texts[-1].spec.name)
+    graphs = [text.spec for text in texts]
+    return next((graph for graph in graphs if sensor in targets_of(graph)), [None, *graphs][-1])
+
+
+def _section(sensor: str, texts: Sequence[GraphText]) -> str:
+    """Return the section of the handout with which a sensor comes."""
+    home = _home(sensor, texts)
+    return PART if home is None else home.handout
 
 
 def _files(

@@ -9,7 +9,6 @@ from typing import Any
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.axles import anchor, axles
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
-from lab3_usd.errors import UsageError
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, drive_prefix
 from lab3_usd.model.physics import (
@@ -34,7 +33,7 @@ from lab3_usd.model.physics import (
     joints,
     number,
 )
-from lab3_usd.model.prims import Matrix, Prim, is_at_or_below
+from lab3_usd.model.prims import Matrix, Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import (
     IDENTITY,
@@ -55,11 +54,7 @@ _STIFFNESS, _DAMPING = "drive:angular:physics:stiffness", "drive:angular:physics
 def describe_robots(
     stage: StageModel, graphs: Iterable[GraphSpec], until: str
 ) -> dict[str, dict[str, Any]]:
-    """Describe each robot by name, without its wheels; `until` is the last checkpoint.
-
-    Raises:
-        UsageError: the stage has no articulation, and no graph names a robot.
-    """
+    """Describe each robot by name, without its wheels; `until` is the last checkpoint."""
     graphs = tuple(graphs)
     robots: dict[str, dict[str, Any]] = {}
     for target, is_articulation in _articulations(stage, graphs):
@@ -74,11 +69,7 @@ def describe_robots(
 
 def has_robot(stage: StageModel, graphs: Iterable[GraphSpec]) -> bool:
     """Whether a stage has a robot that can be described."""
-    try:
-        next(_articulations(stage, graphs))
-    except UsageError:
-        return False
-    return True
+    return any(True for _ in _articulations(stage, graphs))
 
 
 def _robot(
@@ -112,7 +103,7 @@ def _articulations(stage: StageModel, graphs: Iterable[GraphSpec]) -> Iterator[t
     """Yield the prim with each articulation, and whether it may have one.
 
     Those that graphs move come first. A robot that nothing moves need not be an articulation: where
-    there is none, it is the prim that the graphs name.
+    there is none, it is the rigid body that the graphs name, or a prim of a missing asset.
     """
     targets = [
         (target.port in node.type.articulation, prim)
@@ -131,25 +122,16 @@ def _articulations(stage: StageModel, graphs: Iterable[GraphSpec]) -> Iterator[t
         if is_at_or_below(root, path) or is_at_or_below(path, root)
     ]
     known = [path for path in named if path in stage.prims or stage.unresolved_above(path)]
-    if not roots and not known:
-        raise UsageError(
-            "the stage has no robot: it has no articulation root, and no graph names a prim"
-        )
-    if roots:
-        yield from ((root, True) for root in dict.fromkeys([*moved, *roots]))
-        return
-    if stage.unresolved_above(known[0]) is not None:
-        yield known[0], True
-        return
-    # The body that carries the prim, the prim itself where none does.
-    above = known[0]
-    while above:
-        prim = stage.prims.get(above)
-        if prim is not None and BODY_API in prim.apis:
-            yield above, False
+    yield from ((root, True) for root in dict.fromkeys([*moved, *roots]))
+    for path in [] if roots else known:
+        if stage.unresolved_above(path) is not None:
+            yield path, True
             return
-        above = above.rpartition("/")[0]
-    yield known[0], False
+        carriers = (stage.prims.get(above) for above in upwards(path))
+        body = next((prim for prim in carriers if prim is not None and BODY_API in prim.apis), None)
+        if body is not None:
+            yield body.path, False
+            return
 
 
 def _root(stage: StageModel, target: str) -> str:

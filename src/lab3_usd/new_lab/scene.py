@@ -41,6 +41,22 @@ from lab3_usd.stage.read.reader import read_stage
 _PLAIN_TYPES = ("", "Xform", "Scope")
 
 
+def holds_graphs_alone(stage: StageModel, path: str) -> bool:
+    """Whether a prim is there for graphs: it is plain, as is what it holds beside them."""
+    graphs = [graph.path for graph in stage.graphs if is_at_or_below(graph.path, path)]
+    is_scene = path in (stage.default_prim, *graphs)
+    below = stage.below(path)
+    return (
+        bool(graphs)
+        and not is_scene
+        and all(
+            (prim.type in _PLAIN_TYPES and not prim.apis)
+            or any(is_at_or_below(prim.path, graph) for graph in graphs)
+            for prim in below
+        )
+    )
+
+
 class Source(Struct, frozen=True):
     """A stage, and the bundled lab with every node type of the stage in its platform.
 
@@ -207,13 +223,13 @@ def describe_scene(
 
     `first` is the stage of the first checkpoint, which has what all of them have. `lab` is the
     bundled one, whose tolerances hold; `until` is the last checkpoint.
-
-    Raises:
-        UsageError: the stage has no robot.
     """
     robots = describe_robots(stage, graphs.values(), until)
     several = len(robots) > 1
-    described = {"robots": robots} if several else {"robot": next(iter(robots.values()))}
+    described = (
+        {"robots": robots} if several else dict(zip(["robot"], robots.values(), strict=False))
+    )
+    parent = _parent(first, graphs, robots)
     data: dict[str, Any] = {
         "stage": {
             "handout": PART,
@@ -223,7 +239,7 @@ def describe_scene(
         },
         "tolerance": to_builtins(lab.scene.tolerance),
         **described,
-        "world": {"graph_parent": {"path": _parent(first, graphs, robots), "handout": PART}},
+        "world": {"graph_parent": {"path": parent, "handout": PART}} if parent else {},
     }
     for name, robot in robots.items():
         moved = moved_joints(stage, robot["path"], robot["links"], graphs.values())
@@ -262,21 +278,24 @@ def _subject(stage: StageModel, scene: Mapping[str, Any], lab: Lab) -> StageSubj
 def _parent(
     stage: StageModel, graphs: Mapping[str, GraphSpec], robots: Mapping[str, Mapping[str, Any]]
 ) -> str:
-    """Return the prim of the first stage below which graphs stand that are not on a robot."""
+    """Return the prim of the first stage below which graphs stand that are not on a robot.
+
+    It is '' where there is none: a prim that holds graphs alone is made with them.
+    """
     paths = [robot["path"] for robot in robots.values()]
     for graph in graphs.values():
         parent = graph.path.rpartition("/")[0]
-        while parent and stage.prim(parent) is None:
+        while parent and (stage.prim(parent) is None or holds_graphs_alone(stage, parent)):
             parent = parent.rpartition("/")[0]
         if parent and not any(is_at_or_below(parent, robot) for robot in paths):
             return parent
-    return f"/{paths[0].split('/')[1]}"
+    return f"/{paths[0].split('/')[1]}" if paths else stage.default_prim
 
 
 def _world(subject: StageSubject) -> Iterator[tuple[str, dict[str, str]]]:
     """Yield the parts of the world that the stage has, and where they usually are."""
     stage = subject.stage
-    for robot in subject.robots[:1]:
+    for robot in (*subject.robots, subject.without_robot)[:1]:
         if has_ground(robot):
             flat = [prim.path for prim in planes(stage, robot.robot.path)]
             yield "ground", _part([*flat, *(box.path for box in boxes(robot))][0])

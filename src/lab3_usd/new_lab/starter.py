@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -27,14 +27,17 @@ class StarterText(Struct, frozen=True):
     reason: str = ""
 
 
-def describe_starter(path: Path, lab: Lab) -> StarterText:
+def describe_starter(path: Path, lab: Lab, made: Collection[str]) -> StarterText:
     """Describe the starter after the first stage of a lab that has been described.
+
+    The prims `made` come with the graphs.
 
     Raises:
         StageError: the stage cannot be read.
     """
     added = {sensor.path for sensor in lab.sensors.values()}
-    scene = read_plain_scene(path, {*added, *(graph.path for graph in lab.graphs.values())})
+    graphs = (graph.path for graph in lab.graphs.values())
+    scene = read_plain_scene(path, {*added, *made, *graphs})
     robots = lab.scene.robots
     paths = {prim.path for prim in scene.prims}
     needed = (path for robot in robots for path in (robot.path, *robot.link_paths))

@@ -32,7 +32,7 @@ def is_stage_file(name: str) -> bool:
 
 _WITHOUT_SPEC: frozenset[Scope] = frozenset({"model", "lint", "own"})
 _WITH_SPEC: frozenset[Scope] = frozenset(
-    {"model", "graph", "stage", "robot", "frames", "requirements", "own"}
+    {"model", "graph", "stage", "robot", "world", "frames", "requirements", "own"}
 )
 
 Results = tuple[tuple[StageResult, ...], tuple[Submission, ...]]

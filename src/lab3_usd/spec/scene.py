@@ -201,8 +201,12 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True, dict=True):
         return "/".join(filter(None, (self.path, self.wheels.joints_below, name)))
 
 
+# What stands for the robot of a scene that has none: a path that no prim is at or below.
+NO_ROBOT = RobotSpec("-", "")
+
+
 class GraphParent(Struct, frozen=True, forbid_unknown_fields=True):
-    """The prim of the world that contains graphs."""
+    """The prim of the world that contains graphs; one that holds nothing else comes with them."""
 
     path: str
     handout: str
@@ -224,7 +228,7 @@ class ObservationCamera(WorldPart, frozen=True, forbid_unknown_fields=True):
 class WorldSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """The world around the robot; omit the parts that are not required."""
 
-    graph_parent: GraphParent
+    graph_parent: GraphParent | None = None
     ground: WorldPart | None = None
     light: WorldPart | None = None
     physics_scene: WorldPart | None = None
@@ -365,8 +369,8 @@ class SceneSpec(Struct, frozen=True):
 
     @property
     def robot(self) -> RobotSpec:
-        """The first robot, which examples and Nav2 speak of."""
-        return self.robots[0]
+        """The first robot, which examples and Nav2 speak of; NO_ROBOT where there is none."""
+        return self.robots[0] if self.robots else NO_ROBOT
 
     def robot_of(self, path: str) -> RobotSpec | None:
         """Return the robot to which a path belongs, None where it belongs to none."""

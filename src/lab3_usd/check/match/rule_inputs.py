@@ -229,6 +229,13 @@ class StageSubject(Struct, frozen=True, eq=False):
         """Return the stage for each of its robots."""
         return _of_robots(self)
 
+    @property
+    def without_robot(self) -> RobotSubject:
+        """Return the stage for the robot of a scene that has none."""
+        from lab3_usd.spec.scene import NO_ROBOT
+
+        return _seen_by(self, NO_ROBOT)
+
     def robot_of(self, path: str) -> RobotSubject | None:
         """Return the stage for the robot to which a path belongs, None where it belongs to none."""
         robot = self.lab.scene.robot_of(path)
@@ -243,8 +250,12 @@ class RobotSubject(StageSubject, frozen=True, eq=False, kw_only=True):
 
 @once_per_stage
 def _of_robots(subject: StageSubject) -> tuple[RobotSubject, ...]:
+    return tuple(_seen_by(subject, robot) for robot in subject.lab.scene.robots)
+
+
+def _seen_by(subject: StageSubject, robot: RobotSpec) -> RobotSubject:
     given = {name: getattr(subject, name) for name in StageSubject.__struct_fields__}
-    return tuple(RobotSubject(**given, robot=robot) for robot in subject.lab.scene.robots)
+    return RobotSubject(**given, robot=robot)
 
 
 class JudgedStage(Struct, frozen=True, eq=False):

@@ -33,6 +33,7 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import IDENTITY, Vector, angle_between, decompose, scaled
+from lab3_usd.spec.scene import NO_ROBOT
 
 _OWNER, _DISABLED = "physics:simulationOwner", "physxRigidBody:disableGravity"
 
@@ -112,13 +113,16 @@ def _collides_above(stage: StageModel, path: str) -> bool:
 
 
 def boxes(subject: RobotSubject) -> Iterator[Collider]:
-    """Yield the fixed shapes that lie below the place where the starter has the robot."""
+    """Yield the fixed shapes that lie below the place where the starter has the robot, if any."""
     stage = subject.stage
     return (box for box in _boxes_below(subject) if moving_body(stage, box.path) is None)
 
 
 def _boxes_below(subject: RobotSubject) -> Iterator[Collider]:
     robot = subject.robot
+    if robot == NO_ROBOT:  # which may come to stand anywhere
+        yield from subject.stage.colliders.beside(robot.path)
+        return
     x, y, z = _start(subject)
     reach = z + subject.lab.scene.tolerance.root_position
     for box in subject.stage.colliders.beside(robot.path):

@@ -105,7 +105,8 @@ def same_named_prims(stage: StageModel, root: str, name: str) -> tuple[str, ...]
 def demanded_prims(lab: Lab) -> dict[str, str]:
     """Return the prims that every stage holds, with the sections that say so."""
     parent = lab.scene.world.graph_parent
-    return {parent.path: parent.handout} | {
+    above = {} if parent is None else {parent.path: parent.handout}
+    return above | {
         path: robot.handout
         for robot in lab.scene.robots
         for path in (robot.path, *robot.link_paths)

@@ -56,7 +56,7 @@ def _prim_demand(scene: SceneSpec, path: str) -> str:
     return f"{scene.group_of(path)}/prim/{path.rpartition('/')[2]}"
 
 
-@rule("S01", "missing-prim", scope="robot", demands=_supplied_prims)
+@rule("S01", "missing-prim", scope="world", demands=_supplied_prims)
 def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
     """Robot, link or parent of the graphs is missing or elsewhere.
 
@@ -84,8 +84,10 @@ def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
                 unmet=(f"{root.group}/prim/{expected.rpartition('/')[2]}",),
             )
             yield with_missing_graphs(problem, subject)
-    wanted = {scene.world.graph_parent.path: scene.world.graph_parent.handout}
-    wanted[root.path] = root.handout
+    parent = scene.world.graph_parent
+    wanted = {} if parent is None else {parent.path: parent.handout}
+    if scene.robots:
+        wanted[root.path] = root.handout
     if stage.prim(root.path) is not None:
         wanted |= dict.fromkeys(root.link_paths, root.handout)
     missing: list[str] = []

@@ -78,7 +78,7 @@ _HAS_LIGHT = _part_demand(_LIGHT, "a light", lambda world: world.light)
 _HAS_SCENE = _part_demand(_SCENE, "a physics scene", lambda world: world.physics_scene)
 
 
-@rule("S13", "ground", scope="robot", demands=_HAS_GROUND)
+@rule("S13", "ground", scope="world", demands=_HAS_GROUND)
 def ground(subject: RobotSubject) -> Iterator[Problem]:
     """There is no fixed ground with a collision.
 
@@ -160,7 +160,7 @@ def _silent_ground(subject: RobotSubject) -> Prim | None:
     return next((subject.stage.prims[box.path] for box in boxes(subject)), None)
 
 
-@rule("S14", "light", scope="robot", demands=_HAS_LIGHT)
+@rule("S14", "light", scope="world", demands=_HAS_LIGHT)
 def light(subject: RobotSubject) -> Iterator[Problem]:
     """There is no light, or all lights are dark.
 
@@ -197,7 +197,7 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
         yield _missing(subject, part, "a light", prims, _LIGHT)
 
 
-@rule("S15", "physics-scene", scope="robot", demands=_HAS_SCENE)
+@rule("S15", "physics-scene", scope="world", demands=_HAS_SCENE)
 def physics_scene(subject: RobotSubject) -> Iterator[Problem]:
     """No physics scene pulls the robot down.
 
@@ -227,7 +227,7 @@ def physics_scene(subject: RobotSubject) -> Iterator[Problem]:
         yield _missing(subject, part, "a physics scene", scenes, _SCENE)
 
 
-@rule("S16", "observation-camera", scope="robot", severity="warning", needs="observation camera")
+@rule("S16", "observation-camera", scope="world", severity="warning", needs="observation camera")
 def observation_camera(subject: RobotSubject) -> Iterator[Problem]:
     """The observation camera is missing.
 
@@ -239,9 +239,8 @@ def observation_camera(subject: RobotSubject) -> Iterator[Problem]:
     Example: the world's camera dragged onto `{base}` and renamed.
     """
     scene = subject.lab.scene
-    world, part = scene.world, scene.world.observation_camera
-    is_gone = subject.stage.prim(world.graph_parent.path) is None  # which is S01's
-    if part is None or is_gone:
+    part = scene.world.observation_camera
+    if part is None or _is_parent_gone(subject):  # which is S01's
         return
     typed = subject.stage.of_type(part.type)
     cameras = [prim for prim in typed if scene.robot_of(prim.path) is None]
@@ -256,9 +255,16 @@ def _missing_environment(subject: RobotSubject) -> UnresolvedAsset | None:
 
 def _asked(subject: RobotSubject, part: WorldPart | None) -> WorldPart | None:
     """Return a part of the world that the lab has, None for one below a prim that S01 misses."""
-    above = subject.lab.scene.world.graph_parent.path
-    is_gone = subject.stage.prim(above) is None
-    return None if part is None or (is_gone and is_at_or_below(part.usual, above)) else part
+    parent = subject.lab.scene.world.graph_parent
+    is_gone = _is_parent_gone(subject)
+    is_below = parent is not None and part is not None and is_at_or_below(part.usual, parent.path)
+    return None if is_gone and is_below else part
+
+
+def _is_parent_gone(subject: RobotSubject) -> bool:
+    """Whether the stage lacks the prim of the world that contains graphs."""
+    parent = subject.lab.scene.world.graph_parent
+    return parent is not None and subject.stage.prim(parent.path) is None
 
 
 def _is_lost_with_ground(subject: RobotSubject, light: WorldPart) -> bool:

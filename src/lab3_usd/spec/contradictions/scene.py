@@ -130,8 +130,9 @@ def _parts(lab: Lab, known: Collection[str]) -> Iterator[tuple[str, str, bool]]:
                 key = f"{robot.key}: wheels: joints_below"
                 is_there = place in known
             yield key, place, is_there or robot.path not in known
-    world = lab.scene.world.graph_parent.path
-    yield "world: graph_parent: path", world, world in known
+    world = lab.scene.world.graph_parent
+    if world is not None:
+        yield "world: graph_parent: path", world.path, world.path in known
     made = {sensor.path for sensor in lab.sensors.values()}
     for name, sensor in lab.sensors.items():
         parent = sensor.path.rpartition("/")[0]

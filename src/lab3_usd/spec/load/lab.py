@@ -133,13 +133,14 @@ def _command(
 class SceneFile(Struct, forbid_unknown_fields=True):
     """The scene: units, robots, sensors, world and map.
 
-    `robots` are described by name; `robot` is the only one, without a name. `namespaces` are those
-    that prims give to the topics of what is below them (`isaac:namespace`), by path.
+    `robots` are described by name; `robot` is the only one, without a name. A course of scenes has
+    neither. `namespaces` are those that prims give to the topics of what is below them
+    (`isaac:namespace`), by path.
     """
 
     stage: StageUnits
     tolerance: Tolerances
-    world: WorldSpec
+    world: WorldSpec = WorldSpec()
     robot: RobotSpec | UnsetType = UNSET
     robots: _ByName = {}
     forbidden: ForbiddenPrims = ForbiddenPrims()
@@ -182,10 +183,9 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
 
 
 def _robots(scene: SceneFile) -> Iterator[RobotSpec]:
-    """Yield the robots of a scene file: the only one, or those with names."""
-    if (scene.robot is UNSET) == (not scene.robots):
-        what = "both are given" if scene.robots else "both are missing"
-        raise SpecError(f"{SCENE}: 'robot' or 'robots': {what}, expected one of them")
+    """Yield the robots of a scene file: the only one, those with names, or none."""
+    if scene.robot is not UNSET and scene.robots:
+        raise SpecError(f"{SCENE}: 'robot' or 'robots': both are given, expected one of them")
     named = records(scene.robots, RobotSpec, f"{SCENE}: robots")
     known = {f"robots: {name}": robot for name, robot in named.items()}
     known |= {} if isinstance(scene.robot, UnsetType) else {"robot": scene.robot}

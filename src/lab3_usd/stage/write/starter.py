@@ -11,7 +11,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.data import lab_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import write_whole
-from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.prims import upwards
 from lab3_usd.spec.lab import STARTER, Lab
 from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spec
 from lab3_usd.spec.scene import ArticulationSpec, RobotSpec
@@ -79,14 +79,15 @@ def _needed(lab: Lab) -> Iterator[str]:
     """Yield the prims that the lab hangs something on, outermost first."""
     made = {sensor.path for sensor in lab.sensors.values()}
     robots = [robot.path for robot in lab.scene.robots]
-    yield lab.scene.world.graph_parent.path
+    links = [path for robot in lab.scene.robots for path in robot.link_paths]
+    if lab.scene.world.graph_parent is not None:
+        yield lab.scene.world.graph_parent.path
     yield from robots
     for sensor in lab.sensors.values():
         yield sensor.path.rpartition("/")[0]
     for graph in lab.graphs.values():
-        parent = graph.path.rpartition("/")[0]
-        if parent not in made and any(is_at_or_below(parent, robot) for robot in robots):
-            yield parent
+        # What holds nothing but graphs is made with them.
+        yield from [above for above in upwards(graph.path) if above in links][:1]
         targets = (path for node in graph.nodes.values() for t in node.targets for path in t.prims)
         yield from (path for path in targets if path not in made)
 
