@@ -111,11 +111,10 @@ LACKS: dict[str, Edit] = {
 
 
 # What does not work without the part, in Isaac Sim as in a dry run: no controller moves what is no
-# articulation, wheels need ground, and a lidar something to see.
+# articulation, and a lidar needs something to see. A ground is supplied where a lab has none.
 DOES_NOT_WORK = {
     "articulation": {"follows"},
-    "world": {"follows", "scan"},
-    "metres": {"scan"},
+    "world": {"scan"},
 }
 
 

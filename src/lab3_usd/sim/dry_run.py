@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 from msgspec import Struct
@@ -92,7 +92,7 @@ def _outcome(stage: str, checkpoint: str, trial: Trial, checks: tuple[Check, ...
         checkpoint,
         recording.seconds,
         verdict,
-        tuple(_topics(trial)),
+        tuple(_topics((each for each in recording.messages if each.away is None), trial)),
         tuple(_frames(trial)),
         checks,
         tuple(path_rows(trial)),
@@ -133,7 +133,7 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
         "",
         sum(play.recording.seconds for play in played.plays),
         verdict,
-        tuple(_topics(first)),
+        tuple(_topics(recording.messages, first)),
         tuple(_frames(everywhere)),
         played.checks,
         tuple(path_rows(first)) if played.robots else (),
@@ -185,11 +185,11 @@ def is_asked(name: str, trial: Trial) -> bool:
     return bool(wanted.commands) and driven.get(name, True)
 
 
-def _topics(trial: Trial) -> Iterator[Topic]:
-    """Yield the topics of the first session, by name; at a checkpoint those of its domain."""
+def _topics(sent: Iterable[Message], trial: Trial) -> Iterator[Topic]:
+    """Yield the topics of the messages of the first session, by name."""
     streams: dict[tuple[str, str, int], list[Message]] = {}
-    for message in trial.recording.messages:
-        if not message.session and (message.away is None or trial.wanted.has_ground):
+    for message in sent:
+        if not message.session:
             key = (message.topic, message.type, domain_of(message, trial))
             streams.setdefault(key, []).append(message)
     for (topic, kind, domain), messages in sorted(streams.items()):

@@ -92,6 +92,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         static=kept,
         restarts=_restarts(lab),
         goes_with_environment=_goes_with_environment(lab),
+        has_ground=lab.scene.world.ground is None,
     )
 
 
@@ -100,7 +101,7 @@ def expected_of_each(lab: Lab, checkpoint: Checkpoint) -> dict[str, Expected]:
 
     Of several robots the body that is watched is the base.
     """
-    if len(lab.scene.robots) == 1:
+    if len(lab.scene.robots) <= 1:
         return {"": replace(expected_at(lab, checkpoint), place=lab.scene.robot.path)}
     each = {
         robot.title: replace(expected_at(lab, checkpoint, robot), robot=robot.base)
