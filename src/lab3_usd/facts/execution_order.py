@@ -122,7 +122,7 @@ def states_without(
         is_certain = is_usual and not graph.instanced and evaluator in form.all_nodes
         states.update(dict.fromkeys(nodes, "runs" if is_certain else "may run"))
     lasting, once = _followers(computing, stage.platform)
-    unsure = {path for path, node in computing.items() if _is_unsure(node, stage.platform)}
+    unsure = {path for path, node in computing.items() if _is_unsure(node, live, stage.platform)}
     shut = {
         path for path in {**lasting, **once} if not _passes_on(live[path], live, stage.platform)
     }
@@ -257,9 +257,9 @@ def _passes_on(node: Node, live: Nodes, platform: Platform) -> bool:
     return is_switched_on(node, live) and not shut_gate(node, live, platform)
 
 
-def _is_unsure(node: Node, platform: Platform) -> bool:
+def _is_unsure(node: Node, live: Nodes, platform: Platform) -> bool:
     """Whether it is unknown if the node passes a signal on that reaches it."""
-    if node.type is not None and not node.type.may_have_more:
+    if (node.type and not node.type.may_have_more) or unchosen_output(node, live):
         return False
     name = node.type_name
     return not (name in platform.once or name in platform.passing or name in platform.events)
