@@ -105,6 +105,16 @@ def test_a_child_that_is_no_prim_is_damage(tmp_path: Path, name: int) -> None:
         open_stage(path)
 
 
+def test_a_layer_with_wires_and_targets_is_opened(tmp_path: Path) -> None:
+    path = tmp_path / "stage.usdc"
+    stage = Usd.Stage.CreateNew(str(path))
+    prim = stage.DefinePrim("/a")
+    prim.CreateRelationship("to").SetTargets([Sdf.Path("/b")])
+    prim.CreateAttribute("in", Sdf.ValueTypeNames.Int).SetConnections([Sdf.Path("/b.out")])
+    stage.Save()
+    assert open_stage(path).GetPrimAtPath("/a")
+
+
 def test_a_whole_layer_is_not() -> None:
     counts = entry_counts(io.BytesIO(layer()))
     assert counts[b"SPECS"] > 40

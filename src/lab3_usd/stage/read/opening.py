@@ -283,7 +283,8 @@ def _assets_of(layer: Path) -> Iterable[str]:
         return ()
     paths: list[Sdf.Path] = []
     opened.Traverse(Sdf.Path.absoluteRootPath, paths.append)
-    if not all(opened.GetObjectAtPath(path) for path in paths):  # at which usd-core would end
+    named = (path for path in paths if not path.IsTargetPath())  # a target is no object of its own
+    if not all(map(opened.GetObjectAtPath, named)):  # at which usd-core would end
         raise StageError(DAMAGED)
     assets: list[str] = opened.GetCompositionAssetDependencies()
     return assets
