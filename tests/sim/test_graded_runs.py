@@ -11,8 +11,8 @@ from breaking import Step, broken, the_lab
 from lab3_usd.grade import dry_runs
 from lab3_usd.grade.dry_runs import shown_by, with_dry_runs
 from lab3_usd.grade.scoring import facts_of
+from lab3_usd.physics import surfaces
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.sim import geometry
 from lab3_usd.sim.judge.topics import expected_of_each
 
 RADIUS = [{"set": ["ROS_Drive/differential_controller.inputs:wheelRadius", 0.25]}]
@@ -107,11 +107,11 @@ def test_the_stages_after_the_last_graph_are_played_once_where_they_are_equal(
 
 
 def test_the_room_is_made_once_for_all_that_is_played_in_it(tmp_path: Path) -> None:
-    geometry._placed.cache_clear()
+    surfaces._placed.cache_clear()
     lab, counts = the_lab(), []
     for number in ("04", "05"):
         broken(number, RADIUS).GetRootLayer().Export(str(tmp_path / FILES[number]))
         shown_by(tmp_path / FILES[number], lab, expected_of_each(lab, lab.checkpoints[number]))
-        counts.append(geometry._placed.cache_info().misses)
+        counts.append(surfaces._placed.cache_info().misses)
     assert counts[0] > 30
     assert counts[1] - counts[0] < 10  # of the robot
