@@ -428,7 +428,8 @@ def put(  # noqa: PLR0913 - a value, and how it was given
 ) -> None:
     """Give a port of a node a value."""
     port = node.port(name)
-    if later and port.is_late and same(port.value, value) is not True:
+    is_given = port.is_late or port.value is not None
+    if later and is_given and same(port.value, value) is not True:
         value = Unknown("a value that changes", at[0])
     port.is_late |= later
     port.value, port.at = value, at

@@ -105,7 +105,8 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     Example: `joint_name_array.inputs:input0` lost its wire, while `input1` has one.
 
     Basis: Make Array is a node of Kit, whose code is not public; its page describes one input for
-    each element. An empty joint name is rejected in `articulation.py:767`.
+    each element. An empty joint name is rejected in `articulation.py:767`. Gaps in an array of
+    numbers are a warning: `test_articulation_controller.py:320-360` of v6.0.1 commands with some.
     """
     for command in commands(subject.stage):
         port = command.ports.joints
@@ -133,6 +134,8 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                     ),
                 )
         if items.filled:
+            values = [effective_value(node, port, subject.live) for port in items.filled]
+            has_numbers = any(isinstance(value, (int, float)) for value in values)
             for port in items.empty:
                 wire = lost_constant(node, port, subject) if len(items.empty) == 1 else ()
                 yield Problem(
@@ -140,6 +143,7 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                     f"{port} is not connected and has no value: an element of the array is empty",
                     property=port,
                     expected="a wire or a value",
+                    severity="warning" if has_numbers else None,
                     hint=wire_hint(wire),
                     fix=wire,
                     likely=True,
