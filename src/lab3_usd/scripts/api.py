@@ -222,7 +222,7 @@ def _call_handle(  # noqa: C901 - one line for each function
 
 
 def _create(path: str, name: str, run: Run) -> None:
-    node = run.world.nodes.get(path)
+    node = run.world.node(path)
     if node is not None:
         node.port(name).is_made = True
 
@@ -233,7 +233,7 @@ def _call_attribute(
     at = place(node)
     act = Edit(run.world, {}, _ANY, at)
     first = given.given[0] if given.given else next(iter(given.named.values()), None)
-    built = run.world.nodes.get(own.path)
+    built = run.world.node(own.path)
     if name in ("set", "Set") and (given.given or given.named):
         omnigraph.set_value(act, own, first, at, later=True)
     elif name in ("SetTargets", "AddTarget") and built is not None:
@@ -282,7 +282,7 @@ def _call_stage(name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
     at = place(node)
     first = given.given[0] if given.given else next(iter(given.named.values()), None)
     if name in _NEW_STAGES:
-        run.world.clear()
+        run.world.clear(is_empty="new" in name)
         return Unknown(f"{name}()", at[0])
     if name in _PRIMS and first is not None:
         path = path_of(first, at)

@@ -68,7 +68,7 @@ def resolve(
     is what names nothing that is known, which is noted where it is surely wrong.
     """
     if isinstance(spec, AttributeHandle):
-        node = act.world.nodes.get(spec.path)
+        node = act.world.node(spec.path)
         return (node, spec.name) if node else (None, f"{spec.path}.{spec.name}")
     if isinstance(spec, Items) and len(spec.items) > 1:
         return _resolve_pair(act, spec, at, prefix)
@@ -110,11 +110,11 @@ def _resolve_pair(
     if isinstance(name, NodeHandle):
         name, owner = owner, name
     if isinstance(owner, (NodeHandle, PrimHandle)):
-        node, shown = act.world.nodes.get(owner.path), owner.path
+        node, shown = act.world.node(owner.path), owner.path
     elif isinstance(owner, Text):
         if len(spec.items) > 2:  # noqa: PLR2004 - the graph
             shown = f"{path_of(spec.items[2], at)}/{owner.text}"
-            node = act.world.nodes.get(shown)
+            node = act.world.node(shown)
         else:
             shown, node = owner.text, find_node(act, owner.text, owner, at)
     else:
@@ -144,8 +144,9 @@ def find_node(act: Edit, name: str, spec: Value, at: At) -> BuiltNode | None:
         _open_unknown(act, name, at)
         return None
     if name.startswith("/"):
-        if name in act.world.nodes:
-            return act.world.nodes[name]
+        known = act.world.node(name)
+        if known is not None:
+            return known
         graph = act.world.graphs.get(name.rpartition("/")[0])
         if graph is not None and graph.is_ours and graph.rest is None:
             _note_unknown(act, name, graph.path, at, only_near=True)

@@ -91,7 +91,8 @@ def _graph_of(graph_id: Value, commands: Value, world: World, at: At) -> BuiltGr
     creates = isinstance(commands, Table) and "create_nodes" in commands.values
     graph = world.graphs.get(path)
     if graph is None:
-        graph = world.graph(path, at, is_ours=is_text and creates)
+        is_new = is_text and creates and not world.has_scene_graph(path)
+        graph = world.graph(path, at, is_ours=is_new)
         if not is_text:
             graph.evaluator = graph_id if isinstance(graph_id, Unknown) else Unknown("...", at[0])
     return graph
@@ -381,6 +382,7 @@ def disconnect(act: Edit, source: Value, target: Value, at: At) -> None:
         return
     path = start[1] if start[0] is None else f"{start[0].path}.{start[1]}"
     end[0].port(end[1]).sources.pop(path, None)
+    end[0].port(end[1]).cut.add(path)
 
 
 def _disconnect_all(act: Edit, item: Value) -> None:
@@ -396,6 +398,7 @@ def disconnect_all(act: Edit, spec: Value, at: At) -> None:
     if node is None:
         return
     node.port(port).sources.clear()
+    node.port(port).cut.add("")
     for other in act.world.nodes.values():
         for entry in other.ports.values():
             entry.sources.pop(f"{node.path}.{port}", None)

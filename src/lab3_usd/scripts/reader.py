@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import TypeVar
 
@@ -14,10 +14,10 @@ from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import StageModel, Unknown
 from lab3_usd.scripts.runs import Way, ways
-from lab3_usd.scripts.sources import Source, may_build, parse, read_source
+from lab3_usd.scripts.sources import Source, may_build, may_change, parse, read_source
 from lab3_usd.scripts.stage_model import modelled
 from lab3_usd.scripts.values import At
-from lab3_usd.scripts.world import World
+from lab3_usd.scripts.world import BuiltNode, SceneGraphs, World
 
 _STACK = 256 * 1024 * 1024
 _DEEPEST = 20_000
@@ -70,7 +70,7 @@ class ReadScript(Struct, frozen=True, eq=False):
             {
                 (node.path, name, source, at)
                 for world in self.worlds
-                for node in world.nodes.values()
+                for node in _changed(world)
                 for name, port in node.ports.items()
                 for source, (at, _, _) in port.sources.items()
                 if not port.is_promoted(source)
@@ -84,7 +84,7 @@ class ReadScript(Struct, frozen=True, eq=False):
             {
                 (node.path, name, port.at)
                 for world in self.worlds
-                for node in world.nodes.values()
+                for node in _changed(world)
                 for name, port in node.ports.items()
                 if port.at is not None
             }
@@ -95,6 +95,12 @@ class ReadScript(Struct, frozen=True, eq=False):
         """What is not known before it runs: values of inputs, and parts of what is built."""
         found = {each: None for world in self.worlds for each in world.unread}
         return tuple(sorted(found, key=lambda each: (each.line, each.why)))
+
+
+def _changed(world: World) -> Iterator[BuiltNode]:
+    """Yield the nodes that a script makes, and those of its scene that it changes."""
+    yield from world.nodes.values()
+    yield from world.changed.values()
 
 
 def read_script(
@@ -108,10 +114,12 @@ def read_script(
     Raises:
         StageError: the script cannot be read; a line says why.
     """
-    if not may_build(path, platform.building.module):
+    is_candidate = may_build if scene is None else may_change
+    if not is_candidate(path, platform.building.module):
         return None
     source = read_source(path)
-    found = in_deep_thread(lambda: list(ways(parse(source), platform.building)))
+    graphs = _graphs_of(scene)
+    found = in_deep_thread(lambda: list(ways(parse(source), platform.building, graphs)))
     stages: list[BuiltStage] = []
     stopped: set[int] = set()
     for number, alternatives in enumerate(found):
@@ -128,8 +136,15 @@ def read_script(
     return ReadScript(source, tuple(stages), tuple(sorted(stopped)))
 
 
+def _graphs_of(scene: StageModel | None) -> SceneGraphs:
+    graphs = () if scene is None else scene.graphs
+    nodes = {node.path: node for graph in graphs for node in graph.nodes}
+    return SceneGraphs(frozenset(graph.path for graph in graphs), nodes)
+
+
 def _is_built(world: World) -> bool:
-    return bool(world.nodes or world.faults or any(g.is_ours for g in world.graphs.values()))
+    is_ours = any(graph.is_ours for graph in world.graphs.values())
+    return bool(world.nodes or world.changed or world.removed or world.faults or is_ours)
 
 
 def in_deep_thread(function: Callable[[], _T]) -> _T:

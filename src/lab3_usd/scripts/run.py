@@ -7,7 +7,7 @@ from collections.abc import Callable, Sequence
 
 from lab3_usd.isaac.behaviour import Building
 from lab3_usd.scripts.values import Function, Instance, Scope, Value
-from lab3_usd.scripts.world import World
+from lab3_usd.scripts.world import SceneGraphs, World
 
 MOST_STEPS = 250_000
 DEEPEST_CALL = 40
@@ -61,6 +61,7 @@ class Run:
         builders: frozenset[int],
         building: Building,
         looked_at: dict[int, bool],
+        scene: SceneGraphs,
     ) -> None:
         """Start at the first statement."""
         self.building = building
@@ -70,7 +71,7 @@ class Run:
         self.taken: list[bool] = []
         self.entered: set[int] = set()
         self.builders = builders
-        self.world = World()
+        self.world = World(scene)
         self.steps = MOST_STEPS
         self.depth = 0
         self.calls: list[int] = []

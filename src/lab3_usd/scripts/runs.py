@@ -18,7 +18,7 @@ from lab3_usd.scripts.expressions import evaluate
 from lab3_usd.scripts.run import Arguments, Run, StepLimitError
 from lab3_usd.scripts.statements import assign, execute
 from lab3_usd.scripts.values import Class, Function, Instance, Scope, Value, assigned, unknown
-from lab3_usd.scripts.world import World
+from lab3_usd.scripts.world import SceneGraphs, World
 
 MOST_WAYS = 16  # through one start
 MOST_IN_ALL = 120
@@ -56,8 +56,8 @@ class Way(Struct, frozen=True, eq=False):
     stopped: int = 0
 
 
-def ways(tree: ast.Module, building: Building) -> Iterator[list[Way]]:
-    """Yield the ways through a script, those of one start together."""
+def ways(tree: ast.Module, building: Building, scene: SceneGraphs) -> Iterator[list[Way]]:
+    """Yield the ways through a script over a scene, those of one start together."""
     builders = frozenset(_builders(tree))
     looked_at: dict[int, bool] = {}
     attributes: dict[int, dict[str, list[ast.expr]]] = {}
@@ -71,7 +71,7 @@ def ways(tree: ast.Module, building: Building) -> Iterator[list[Way]]:
         ahead: list[list[bool]] = [[]]
         while ahead and len(found) < MOST_WAYS and count < MOST_IN_ALL:
             decisions = ahead.pop(0)
-            run = Run(decisions, builders, building, looked_at)
+            run = Run(decisions, builders, building, looked_at, scene)
             run.attributes = attributes
             found.append(_follow(tree, start, run))
             count += 1
@@ -92,7 +92,7 @@ def _follow(tree: ast.Module, start: Start, run: Run) -> Way:
     try:
         execute(tree.body, scope, run)
         if start.name:
-            run.world = World()
+            run.world = World(run.world.scene)
             _enter(start, scope, run, tree)
         for function in run.inner:
             if id(function.node) not in run.entered and _builds(function.node, run.builders):

@@ -26,8 +26,16 @@ def may_build(path: Path, module: str) -> bool:
     Raises:
         StageError: it cannot be read.
     """
-    data = _bytes(path)
-    return module.encode() in data and _BUILDS.search(data) is not None
+    return may_change(path, module) and _BUILDS.search(_bytes(path)) is not None
+
+
+def may_change(path: Path, module: str) -> bool:
+    """Whether a file may change graphs that are there already: it names the module.
+
+    Raises:
+        StageError: it cannot be read.
+    """
+    return module.encode() in _bytes(path)
 
 
 def _bytes(path: Path) -> bytes:

@@ -88,20 +88,13 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
         for graph in world.graphs.values()
         if graph.is_ours or any(True for _ in world.nodes_of(graph.path))
     ]
+    made = [*world.nodes.values(), *world.changed.values()]
     build = Build(
         faults=tuple(world.faults),
         places=dict(_places(world)),
-        created=frozenset(
-            (node.path, name)
-            for node in world.nodes.values()
-            for name, port in node.ports.items()
-            if port.is_made
-        ),
+        created=frozenset(_created(world, made)),
         quiet=frozenset(
-            (node.path, name)
-            for node in world.nodes.values()
-            for name, port in node.ports.items()
-            if port.is_quiet
+            (node.path, name) for node in made for name, port in node.ports.items() if port.is_quiet
         ),
         has_scene=scene is not None,
     )
@@ -117,15 +110,28 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
             unresolved=tuple(missing.values()),
             build=build,
         )
-    paths = {graph.path for graph in graphs}
+    own = {graph.path: graph for graph in graphs}
+    kept = [
+        _changed_graph(graph, own.pop(graph.path, None), world, missing)
+        for graph in scene.graphs
+        if world.has_scene_graph(graph.path)
+    ]
     below = scene.prims if isinstance(scene.prims, Prims) else Prims(scene.prims)
     return replace(
         scene,
-        graphs=(*(graph for graph in scene.graphs if graph.path not in paths), *graphs),
+        graphs=(*kept, *own.values()),
         prims=_Overlay(below, prims),
         unresolved=(*scene.unresolved, *missing.values()),
         build=build,
     )
+
+
+def _created(world: World, made: Iterable[BuiltNode]) -> Iterator[tuple[str, str]]:
+    """Yield the ports that a script creates, and those that nodes of its scene have."""
+    for known in world.scene.nodes.values():
+        yield from ((known.path, name) for name in known.ports)
+    for node in made:
+        yield from ((node.path, name) for name, port in node.ports.items() if port.is_made)
 
 
 def _places(world: World) -> Iterator[tuple[tuple[str, str | None, str | None], Span]]:
@@ -133,6 +139,7 @@ def _places(world: World) -> Iterator[tuple[tuple[str, str | None, str | None], 
         yield (graph.path, None, None), graph.at
     for node in world.nodes.values():
         yield (node.path, None, None), node.at
+    for node in (*world.nodes.values(), *world.changed.values()):
         for name, port in node.ports.items():
             for source, (at, _, _) in port.sources.items():
                 yield (node.path, name, source), at
@@ -166,6 +173,42 @@ def _graph(
         for node in world.nodes_of(graph.path)
     )
     return GraphModel(path=graph.path, active=True, attributes=attributes, nodes=nodes)
+
+
+def _changed_graph(
+    graph: GraphModel, more: GraphModel | None, world: World, missing: dict[str, UnresolvedAsset]
+) -> GraphModel:
+    """Return a graph of the scene with what a script writes into it.
+
+    A dictionary that creates it anew replaces it.
+    """
+    known = world.graphs.get(graph.path)
+    if more is not None and known is not None and known.is_ours:
+        return more
+    new = {node.path: node for node in (() if more is None else more.nodes)}
+    kept = (
+        _changed_node(node, world, missing)
+        for node in graph.nodes
+        if node.path not in new and world.has_scene_node(node.path)
+    )
+    return replace(graph, nodes=(*kept, *new.values()))
+
+
+def _changed_node(node: Node, world: World, missing: dict[str, UnresolvedAsset]) -> Node:
+    """Return a node of the scene with the values and wires that a script gives it."""
+    built = world.changed.get(node.path)
+    if built is None:
+        return node
+    ports = dict(node.ports)
+    for name, port in built.ports.items():
+        before, given = node.state(name), _state(name, port, node.type, built, missing, world)
+        old = () if before is None or "" in port.cut else before.sources
+        sources = dict.fromkeys((*(path for path in old if path not in port.cut), *given.sources))
+        is_given = port.value is not None
+        ports[name] = replace(
+            given if is_given or before is None else before, sources=tuple(sources)
+        )
+    return replace(node, ports=ports)
 
 
 def _setting(

@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from copy import copy
 
+from msgspec import Struct
+
 from lab3_usd.model.build import BuildFault, FaultKind
-from lab3_usd.model.stage import Unknown
+from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.stage import Node, Unknown
 from lab3_usd.scripts.values import At, Text, Value
+
+_CHANGING = ("graphs", "faults", "unread", "values", "places", "lines", "guarded")
+
+
+class SceneGraphs(Struct, frozen=True, eq=False):
+    """The graphs of the scene that a script loads, and their nodes, by path."""
+
+    graphs: frozenset[str] = frozenset()
+    nodes: Mapping[str, Node] = {}
 
 
 class BuiltPort:
     """A port of a node: its value or targets, the sources of its wires, and where each was given.
 
     `is_made` where the script creates the attribute, `is_quiet` where a value was given in a way
-    that reports nothing, `is_late` where it was given after the edit.
+    that reports nothing, `is_late` where it was given after the edit. `cut` are sources whose wires
+    are taken away, '' for all.
     """
 
-    __slots__ = ("at", "is_late", "is_made", "is_quiet", "promoted", "sources", "text", "value")
+    __slots__ = (
+        "at", "cut", "is_late", "is_made", "is_quiet", "promoted", "sources", "text", "value"
+    )  # fmt: skip
 
     def __init__(self) -> None:
         """Start without anything."""
@@ -25,6 +40,7 @@ class BuiltPort:
         self.at: At | None = None
         self.text: Text | None = None
         self.sources: dict[str, tuple[At, Value, Value]] = {}
+        self.cut: set[str] = set()
         self.is_made = False
         self.is_quiet = False
         self.is_late = False
@@ -98,11 +114,15 @@ class World:
     `places` are the lines and columns that were come by, `unread` what of the edits is unknown.
     `guarded` are lines whose failure the script expects, from and to, `outside` the nodes of others
     that it wires, and `twice` the calls that made a node again. `past` are the worlds of
-    stages that were open before.
+    stages that were open before. `changed` are nodes of the `scene` that the script changes,
+    `removed` prims of it that it removes.
     """
 
-    def __init__(self) -> None:
-        """Start without graphs."""
+    def __init__(self, scene: SceneGraphs | None = None) -> None:
+        """Start without graphs of one's own."""
+        self.scene = scene or SceneGraphs()
+        self.changed: dict[str, BuiltNode] = {}
+        self.removed: set[str] = set()
         self.graphs: dict[str, BuiltGraph] = {}
         self.nodes: dict[str, BuiltNode] = {}
         self.faults: list[BuildFault] = []
@@ -115,34 +135,40 @@ class World:
         self.outside: set[str] = set()
         self.twice: set[object] = set()
 
-    def clear(self) -> None:
-        """Begin a new stage; what was built is kept as one of the past."""
-        if self.graphs:
-            old = World()
-            for name in (
-                "graphs",
-                "nodes",
-                "faults",
-                "unread",
-                "values",
-                "places",
-                "lines",
-                "guarded",
-            ):
+    def clear(self, *, is_empty: bool) -> None:
+        """Open a stage, new or the scene; what was built is kept as one of the past."""
+        if self.graphs or self.changed:
+            old, fresh = World(self.scene), World()
+            for name in (*_CHANGING, "nodes", "changed", "removed"):
                 setattr(old, name, getattr(self, name))
-            fresh = World()
-            for name in (
-                "graphs",
-                "nodes",
-                "faults",
-                "unread",
-                "values",
-                "places",
-                "lines",
-                "guarded",
-            ):
                 setattr(self, name, getattr(fresh, name))
             self.past.append(old)
+        if is_empty:
+            self.scene = SceneGraphs()
+
+    def node(self, path: str) -> BuiltNode | None:
+        """Return the node at a path, one of the scene as well."""
+        if path in self.nodes:
+            return self.nodes[path]
+        known = None if self._is_removed(path) else self.scene.nodes.get(path)
+        if known is None:
+            return None
+        if path not in self.changed:
+            nowhere = (0, 0, 0, 0)
+            kind = Text(known.type_name, nowhere)
+            self.changed[path] = BuiltNode(path, path.rpartition("/")[0], kind, nowhere)
+        return self.changed[path]
+
+    def has_scene_node(self, path: str) -> bool:
+        """Whether a node of the scene is still there."""
+        return not self._is_removed(path)
+
+    def has_scene_graph(self, path: str) -> bool:
+        """Whether the scene has a graph at a path, as long as the script leaves it there."""
+        return path in self.scene.graphs and not self._is_removed(path)
+
+    def _is_removed(self, path: str) -> bool:
+        return any(is_at_or_below(path, top) for top in self.removed)
 
     def fault(
         self,
@@ -178,7 +204,8 @@ class World:
 
     def remove_node(self, path: str) -> None:
         """Take a node out, and the wires from it."""
-        self.nodes.pop(path, None)
+        if self.nodes.pop(path, None) is None and path in self.scene.nodes:
+            self.removed.add(path)
         for node in self.nodes.values():
             for port in node.ports.values():
                 for source in [s for s in port.sources if s.startswith(f"{path}.")]:
@@ -186,8 +213,8 @@ class World:
 
     def kept(self) -> World:
         """Return what is built so far, which later changes leave as it is."""
-        old = World()
-        for name in ("graphs", "faults", "unread", "values", "places", "lines", "guarded"):
+        old = World(self.scene)
+        for name in (*_CHANGING, "changed", "removed"):
             setattr(old, name, copy(getattr(self, name)))
         old.outside, old.twice = set(self.outside), set(self.twice)
         for path, node in self.nodes.items():
@@ -205,6 +232,8 @@ class World:
             self.remove_node(node)
         for graph in [known for known in self.graphs if f"{known}/".startswith(f"{path}/")]:
             del self.graphs[graph]
+        if path and any(is_at_or_below(known, path) for known in self.scene.graphs):
+            self.removed.add(path)
 
     def open_graph(self, path: str, what: Unknown) -> None:
         """Note that a graph may hold more than is known."""

@@ -24,10 +24,13 @@ def _faults(subject: LintSubject, *kinds: FaultKind) -> Iterator[BuildFault]:
 
 def _set_ports(subject: LintSubject) -> Iterator[tuple[Node, NodeType, PortState]]:
     """Yield the ports that a script gives a value or targets."""
-    if subject.stage.build is not None:
+    build = subject.stage.build
+    if build is not None:
         for node in subject.nodes():
             for state in node.ports.values():
-                if node.type is not None and (state.value is not None or state.targets):
+                is_set = state.value is not None or state.targets
+                is_written = (node.path, state.name, None) in build.places
+                if node.type is not None and is_set and is_written:
                     yield node, node.type, state
 
 
