@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from invoking import invoke
-from pxr import Usd
+from pxr import Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
@@ -68,3 +68,47 @@ def test_a_hall_is_built_from_its_own_starter(hall: Path) -> None:
     folder = hall.parent / "lab"
     made = invoke("--lab", folder, "build", "--out", hall.parent / "built")
     assert (made.exit_code, Path(made.output.strip()).name) == (0, "hall.usda")
+
+
+@pytest.fixture
+def theatre(tmp_path: Path) -> Path:
+    """The hall with Y up and in centimetres, with a plane for a floor."""
+    stage = tmp_path / "hall.usda"
+    text = HALL.replace('"Z"', '"Y"').replace("metersPerUnit = 1", "metersPerUnit = 0.01")
+    text = text.replace("def Cube", "def Plane")
+    stage.write_text(text.replace("double3", 'uniform token axis = "Y"\n        double3'))
+    said = invoke("lab", "new", tmp_path / "lab", stage).output
+    assert "checkpoint hall, pass, 8 of 8 met" in said
+    return stage
+
+
+def gravity(stage: Path, direction: tuple[int, int, int], strength: float) -> list[tuple[str, str]]:
+    """What is found where gravity has this direction and strength, and what it should be."""
+    opened = Usd.Stage.Open(str(stage))
+    scene = UsdPhysics.Scene(opened.GetPrimAtPath("/Hall/Physics"))
+    scene.CreateGravityDirectionAttr(direction)
+    scene.CreateGravityMagnitudeAttr(strength)
+    opened.Save()
+    findings = check_stage(stage, "hall", load_lab(stage.parent / "lab")).findings
+    return [(finding.rule, finding.expected or "") for finding in findings]
+
+
+def test_gravity_pulls_down_along_y(theatre: Path) -> None:
+    assert gravity(theatre, (0, -1, 0), 981.0) == []
+
+
+def test_gravity_along_z_pulls_aside_with_y_up(theatre: Path) -> None:
+    assert gravity(theatre, (0, 0, -1), 981.0) == [("S15", "(0, -1, 0)")]
+
+
+def test_gravity_is_in_units_of_the_stage(theatre: Path) -> None:
+    assert gravity(theatre, (0, -1, 0), 5.0) == []
+    assert gravity(theatre, (0, -1, 0), 0.5) == [("S15", "981")]
+
+
+def test_a_floor_that_faces_z_carries_nothing_with_y_up(theatre: Path) -> None:
+    opened = Usd.Stage.Open(str(theatre))
+    UsdGeom.Plane(opened.GetPrimAtPath("/Hall/Floor")).GetAxisAttr().Set("Z")
+    opened.Save()
+    findings = check_stage(theatre, "hall", load_lab(theatre.parent / "lab")).findings
+    assert [finding.rule for finding in findings] == ["S13"]

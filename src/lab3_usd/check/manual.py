@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.data import as_called, program
 from lab3_usd.isaac.releases import BASE
+from lab3_usd.model.physics import down
 from lab3_usd.spec.scene import NO_ROBOT
 
 if TYPE_CHECKING:
@@ -41,6 +42,8 @@ PLAIN: Mapping[str, str] = {
     "other_joint": "joint_2",
     "joint_path": "/World/Robot/joints/joint_1",
     "world": "/World",
+    "down": "(0, 0, -1)",
+    "gravity": "9.81",
     "lidar": "/World/Robot/base_link/Lidar",
     "lidar_name": "Lidar",
     "lidar_link": "base_link",
@@ -180,6 +183,9 @@ def _at(words: Sequence[str], number: int) -> str:
 def _of_robot(lab: Lab) -> Iterator[tuple[str, str]]:
     parent = lab.scene.world.graph_parent
     yield "world", "" if parent is None else parent.path
+    units = lab.scene.stage
+    yield "down", f"({', '.join(f'{part:g}' for part in down(units.up_axis))})"
+    yield "gravity", f"{9.81 / units.meters_per_unit:g}"
     robot = lab.scene.robot
     if robot is NO_ROBOT:
         return

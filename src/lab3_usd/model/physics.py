@@ -23,7 +23,6 @@ DAMPING = "drive:angular:physics:damping"
 MAX_FORCE = "drive:angular:physics:maxForce"
 SCENE = "PhysicsScene"
 GRAVITY, GRAVITY_DIRECTION = "physics:gravityMagnitude", "physics:gravityDirection"
-DOWN = (0.0, 0.0, -1.0)
 TILT = 5.0  # degrees from which on a robot slides or rolls
 EARTH = -1e9  # and below: the schema's own value, as a dry run reads it
 _LEAST, _MOST = 1.0, 30.0  # metres per second squared: less than the moon's, more than Jupiter's
@@ -171,15 +170,15 @@ def is_felt(scene: Mapping[str, Any], meters_per_unit: float) -> bool:
     return any(_LEAST <= strength * unit <= _MOST for unit in (1.0, meters_per_unit))
 
 
-def slant(scene: Mapping[str, Any]) -> float:
+def down(up_axis: str) -> tuple[float, float, float]:
+    """Return the direction in which gravity pulls where an axis is up."""
+    return (0.0, -1.0, 0.0) if up_axis == "Y" else (0.0, 0.0, -1.0)
+
+
+def slant(scene: Mapping[str, Any], up_axis: str = "Z") -> float:
     """Return by how many degrees the gravity of a scene pulls aside, 0 without a direction."""
     direction = vector(scene.get(GRAVITY_DIRECTION))
-    return angle_between(direction, DOWN) if any(direction) else 0.0
-
-
-def is_down(scene: Mapping[str, Any]) -> bool:
-    """Whether the gravity of a scene with these values pulls down, as one without direction."""
-    return slant(scene) <= TILT
+    return angle_between(direction, down(up_axis)) if any(direction) else 0.0
 
 
 def number(value: Value | None) -> float | None:

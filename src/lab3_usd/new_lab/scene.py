@@ -297,7 +297,7 @@ def _world(subject: StageSubject) -> Iterator[tuple[str, dict[str, str]]]:
     stage = subject.stage
     for robot in (*subject.robots, subject.without_robot)[:1]:
         if has_ground(robot):
-            flat = [prim.path for prim in planes(stage, robot.robot.path)]
+            flat = [prim.path for prim in planes(robot)]
             yield "ground", _part([*flat, *(box.path for box in boxes(robot))][0])
     for part, prims in (("light", lights(stage)), ("physics_scene", stage.of_type(SCENE))):
         path = next((prim.path for prim in prims if prim.present), "")

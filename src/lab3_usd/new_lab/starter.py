@@ -16,7 +16,8 @@ from lab3_usd.stage.read.plain_scene import PlainPrim, read_plain_scene
 
 _HEAD = """\
 The starter scene, where `build` is given no other. Masses of links and the robot's pose are in
-scene.yaml. Lengths in metres, angles in degrees, quaternions as [w, x, y, z]."""
+scene.yaml. Poses in metres and degrees; `set` has values as USD has them, lengths in units of the
+stage, quaternions as [w, x, y, z]."""
 _NOWHERE = {"translate": [0.0, 0.0, 0.0], "rotate": [0.0, 0.0, 0.0], "scale": [1.0, 1.0, 1.0]}
 
 

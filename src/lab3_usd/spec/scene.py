@@ -251,7 +251,7 @@ class ForbiddenPrims(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SensorAttribute(Struct, frozen=True, forbid_unknown_fields=True):
-    """A value of a sensor; the checker requires it if it is `required`."""
+    """A value of a sensor as USD has it; the checker requires it if it is `required`."""
 
     GONE: ClassVar[Mapping[str, str]] = {
         "unset": "leave it out, what is not set has the value of its schema"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.poses import vector_text
@@ -12,7 +12,6 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     BODY_API,
     BODY_ENABLED,
-    DOWN,
     FIXED,
     GRAVITY,
     GRAVITY_DIRECTION,
@@ -22,19 +21,21 @@ from lab3_usd.model.physics import (
     TILT,
     bodies,
     collides,
+    down,
     is_body,
-    is_down,
     is_felt,
     is_switched_off,
     joints,
     number,
+    slant,
     vector,
 )
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, once_per_stage
-from lab3_usd.model.transforms import IDENTITY, Vector, angle_between, decompose, scaled
+from lab3_usd.model.transforms import AXES, IDENTITY, Vector, angle_between, decompose, scaled
 from lab3_usd.spec.scene import NO_ROBOT
 
+_EARTH = 9.81  # metres per second squared
 _OWNER, _DISABLED = "physics:simulationOwner", "physxRigidBody:disableGravity"
 
 
@@ -56,12 +57,15 @@ def gravity_faults(subject: RobotSubject) -> Iterator[Problem]:
     for scene in [scene for scene in scenes if scene.path in owners] or scenes[:1]:
         if not is_felt(scene.attributes, stage.meters_per_unit or 1.0):
             strength = f"{number(scene.attributes.get(GRAVITY)):g}"
-            message = f"gravity is {strength}, expected about 9.81 m/s²"
-            yield Problem(scene.path, message, GRAVITY, "9.81", strength)
-        elif not is_down(scene.attributes):
+            metres = subject.lab.scene.stage.meters_per_unit
+            right, unit = f"{_EARTH / metres:g}", "m" if metres == 1.0 else f"of {metres:g} m"
+            message = f"gravity is {strength}, expected about {right} {unit}/s²"
+            yield Problem(scene.path, message, GRAVITY, right, strength)
+        elif slant(scene.attributes, subject.lab.scene.stage.up_axis) > TILT:
             actual = vector_text(vector(scene.attributes.get(GRAVITY_DIRECTION)))
-            message = f"gravity pulls along {actual}, expected {vector_text(DOWN)}"
-            yield Problem(scene.path, message, GRAVITY_DIRECTION, vector_text(DOWN), actual)
+            right = vector_text(down(subject.lab.scene.stage.up_axis))
+            message = f"gravity pulls along {actual}, expected {right}"
+            yield Problem(scene.path, message, GRAVITY_DIRECTION, right, actual)
 
 
 # A shape as high as a wall is ground and wall in one; how high its ground is, no box says.
@@ -72,22 +76,33 @@ _LIGHT = re.compile(r"Light(_\d+)?$")
 _LIGHT_API = re.compile(r"^(Mesh|Volume)?LightAPI$")
 
 
-def planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+def up_of(subject: RobotSubject) -> Vector:
+    """Return the direction that is up in the stages of a lab."""
+    return AXES["XYZ".index(subject.lab.scene.stage.up_axis)]
+
+
+def height(point: Sequence[float], subject: RobotSubject) -> float:
+    """Return how high a point is in the stages of a lab."""
+    return point["XYZ".index(subject.lab.scene.stage.up_axis)]
+
+
+def planes(subject: RobotSubject) -> Iterator[Prim]:
     """Yield the endless fixed planes beside the robot that face up and that others bump into."""
-    fixed = (
-        plane for plane in _solid_planes(stage, robot) if moving_body(stage, plane.path) is None
-    )
-    return (prim for prim in fixed if not _is_steep(prim))
+    stage = subject.stage
+    solid = _solid_planes(stage, subject.robot.path)
+    fixed = (plane for plane in solid if moving_body(stage, plane.path) is None)
+    return (prim for prim in fixed if not _is_steep(prim, subject))
 
 
-def steep_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
+def steep_planes(subject: RobotSubject) -> Iterator[Prim]:
     """Yield the planes that would carry the robot if they faced up."""
-    return (plane for plane in _solid_planes(stage, robot) if _is_steep(plane))
+    solid = _solid_planes(subject.stage, subject.robot.path)
+    return (plane for plane in solid if _is_steep(plane, subject))
 
 
-def _is_steep(plane: Prim) -> bool:
+def _is_steep(plane: Prim, subject: RobotSubject) -> bool:
     faces = facing(plane)
-    return faces is not None and not angle_between(faces, UP) <= TILT
+    return faces is not None and not angle_between(faces, up_of(subject)) <= TILT
 
 
 def facing(plane: Prim) -> Vector | None:
@@ -123,11 +138,12 @@ def _boxes_below(subject: RobotSubject) -> Iterator[Collider]:
     if robot == NO_ROBOT:  # which may come to stand anywhere
         yield from subject.stage.colliders.beside(robot.path)
         return
-    x, y, z = _start(subject)
-    reach = z + subject.lab.scene.tolerance.root_position
+    start = _start(subject)
+    reach = height(start, subject) + subject.lab.scene.tolerance.root_position
+    level = [number for number in range(3) if not up_of(subject)[number]]
     for box in subject.stage.colliders.beside(robot.path):
-        is_over = box.low[0] <= x <= box.high[0] and box.low[1] <= y <= box.high[1]
-        if is_over and box.low[2] <= reach:
+        is_over = all(box.low[axis] <= start[axis] <= box.high[axis] for axis in level)
+        if is_over and height(box.low, subject) <= reach:
             yield box
 
 
@@ -180,8 +196,7 @@ def falling_ground(subject: RobotSubject) -> tuple[Prim, Prim] | None:
 
 def has_ground(subject: RobotSubject) -> bool:
     """Whether anything fixed can carry the robot."""
-    robot = subject.robot.path
-    grounds = itertools.chain(planes(subject.stage, robot), _live_boxes(subject))
+    grounds = itertools.chain(planes(subject), _live_boxes(subject))
     return any(True for _ in grounds)
 
 
@@ -200,14 +215,13 @@ def highest_ground(subject: RobotSubject) -> tuple[float, str] | None:
 
     None where no box says how high it is.
     """
-    stage, robot = subject.stage, subject.robot
     heights = [
-        (prim.world[14] * stage.meters_per_unit, prim.path)
-        for prim in planes(stage, robot.path)
+        (height(prim.world[12:15], subject) * subject.stage.meters_per_unit, prim.path)
+        for prim in planes(subject)
         if prim.world
     ]
-    step = _start(subject)[2] + _STEP
-    tops = [(box.high[2], box.path) for box in _live_boxes(subject)]
+    step = height(_start(subject), subject) + _STEP
+    tops = [(height(box.high, subject), box.path) for box in _live_boxes(subject)]
     if any(top > step for top, _ in tops) and not heights:
         return None
     return max([*heights, *(top for top in tops if top[0] <= step)], default=None)

@@ -84,7 +84,7 @@ def _is_of_lab(path: str, subject: StageSubject) -> bool:
     if subject.lab.scene.robot_of(path) or path in role_specs(subject):
         return True
     robots = [robot.path for robot in subject.lab.scene.robots]
-    parts = [*robots, *(prim.path for robot in robots for prim in planes(subject.stage, robot))]
+    parts = [*robots, *(prim.path for robot in subject.robots for prim in planes(robot))]
     parts += [prim.path for prim in subject.stage.of_type(SCENE) if prim.present]
     parts += [roles.graph.path for roles in subject.roles.values() if roles.graph is not None]
     return any(is_at_or_below(part, path) for part in parts)

@@ -17,9 +17,11 @@ from lab3_usd.check.robot.ground import (
     falling_ground,
     gravity_faults,
     has_ground,
+    height,
     highest_ground,
     lights,
     steep_planes,
+    up_of,
 )
 from lab3_usd.check.robot.location import same_named_prims
 from lab3_usd.check.robot.poses import (
@@ -95,7 +97,7 @@ def ground(subject: RobotSubject) -> Iterator[Problem]:
         return
     asset = _missing_environment(subject)
     falling = falling_ground(subject)
-    steep = next(steep_planes(subject.stage, subject.robot.path), None)
+    steep = next(steep_planes(subject), None)
     off = _silent_ground(subject)
     if falling is not None:
         plane, body = falling
@@ -114,7 +116,7 @@ def ground(subject: RobotSubject) -> Iterator[Problem]:
             rests_on=asset,
         )
     elif steep is not None:
-        faces, up = vector_text(facing(steep) or UP), vector_text(UP)
+        faces, up = vector_text(facing(steep) or up_of(subject)), vector_text(up_of(subject))
         is_turned = steep.attributes.get(AXIS, "Z") == "Z"
         name = pose_property(steep, "rotate") if is_turned else AXIS
         yield Problem(
@@ -205,7 +207,7 @@ def physics_scene(subject: RobotSubject) -> Iterator[Problem]:
     Without weight nothing stays on the ground.
 
     Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene. Restore its
-    gravity: Magnitude 9.81, and Direction (0, 0, -1). Clear Disable Gravity on the links.
+    gravity: Magnitude {gravity}, and Direction {down}. Clear Disable Gravity on the links.
 
     Example: `/physicsScene` deleted, or `physics:gravityMagnitude` 0 on it.
     """
@@ -346,8 +348,8 @@ def not_at_rest(subject: RobotSubject) -> Iterator[Problem]:
     highest = highest_ground(subject)
     if highest is None:
         return
-    height, ground = highest
-    lows = {body: low - height for body, low in _lows(subject).items()}
+    level, ground = highest
+    lows = {body: low - level for body, low in _lows(subject).items()}
     spec = subject.robot
     wheels = [*map(spec.path_of, spec.wheels.joints.values())]
     limit = _limit(subject)
@@ -411,9 +413,9 @@ def _limit(subject: RobotSubject) -> float:
     """Allow the wheels as much as the robot's own height is allowed."""
     spec = subject.robot
     root = subject.stage.prim(spec.path)
-    height = root.world[14] if root is not None and root.world else 0.0
-    expected = 0.0 if spec.pose is None else spec.pose.translate[2]
-    given = abs(height * subject.stage.meters_per_unit - expected)
+    at = height(root.world[12:15], subject) if root is not None and root.world else 0.0
+    expected = 0.0 if spec.pose is None else height(spec.pose.translate, subject)
+    given = abs(at * subject.stage.meters_per_unit - expected)
     tolerance = subject.lab.scene.tolerance
     return tolerance.rest + min(given, tolerance.root_position)
 
@@ -427,7 +429,7 @@ def _lows(subject: RobotSubject) -> dict[str, float]:
         path = spec.path_of(name)
         nested = [other for other in spec.link_paths if other.startswith(f"{path}/")]
         boxes = [
-            (stage.prim(box.path), box.low[2])
+            (stage.prim(box.path), height(box.low, subject))
             for box in stage.colliders.below(path)
             if not any(is_at_or_below(box.path, link) for link in nested)
         ]
@@ -439,7 +441,7 @@ def _lows(subject: RobotSubject) -> dict[str, float]:
         if shapes:
             lows[path] = min(shapes)
         elif link.offset is not None and prim is not None and prim.world:
-            lows[path] = prim.world[14] * stage.meters_per_unit
+            lows[path] = height(prim.world[12:15], subject) * stage.meters_per_unit
     return lows
 
 
