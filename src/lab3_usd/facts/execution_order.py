@@ -9,10 +9,17 @@ from collections.abc import Callable, Container, Iterable, Iterator, Mapping
 from functools import lru_cache
 from typing import Literal
 
-from lab3_usd.facts.formulas import product
 from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, is_refused
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.pure_nodes import (
+    PURE_NODES,
+    NoOutputError,
+    absorbing,
+    last_part,
+    makes_text,
+    term_names,
+)
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Severity
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel, once_per_stage
@@ -445,26 +452,43 @@ def effective_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value
         return None
     if source_port.startswith(INPUT):
         return effective_value(source, source_port, live, depth - 1)
-    return _given(source, live, depth - 1)
+    return _given(source, source_port, live, depth - 1)
 
 
-def _given(node: Node, live: Nodes, depth: int) -> Value | None:
-    """Return the value that a node gives, None where it is unknown."""
-    if (kind := node.type) is None:
+class _UnknownError(Exception):
+    """What reaches an input is unknown."""
+
+
+def _given(node: Node, output: str, live: Nodes, depth: int) -> Value | None:
+    """Return the value that a node gives at an output, None where it is unknown."""
+    if node.type is None:
         return None
-    if kind.multiplies:
-        return product([effective_value(node, p, live, depth) for p in node.ports if INPUT in p])
-    if kind.picks:
-        chosen = effective_value(node, kind.picks[0], live, depth)
-        known = isinstance(chosen, bool)
-        return effective_value(node, kind.picks[1 + bool(chosen)], live, depth) if known else None
-    if kind.element:
-        array = listed_value(node, kind.element[0], live, depth)
-        at = effective_value(node, kind.element[1], live, depth)
-        if isinstance(array, tuple) and isinstance(at, int) and -len(array) <= at < len(array):
-            return array[at]
+    if node.type.variable:
+        return _variable(node, node.type, live, depth)
+    name = last_part(node.type.type)
+    function = PURE_NODES.get(name)
+    if function is None:
         return None
-    return (_variable if kind.variable else _text_of)(node, kind, live, depth)
+    is_text = makes_text(name)
+
+    def read(short: str) -> Value:
+        value = listed_value(node, INPUT + short, live, depth)
+        if value is None or (is_text and type(value) not in (str, int)):
+            raise _UnknownError
+        return value
+
+    names = {port.removeprefix(INPUT) for port in node.ports if port.startswith(INPUT)}
+    try:
+        value: Value | None = function(read, names).get(output.removeprefix(OUTPUT))
+    except NoOutputError:
+        return None
+    except _UnknownError:
+        return absorbing(name, (_term(node, term, live, depth) for term in term_names(names)))
+    return value
+
+
+def _term(node: Node, short: str, live: Nodes, depth: int) -> Value | None:
+    return effective_value(node, INPUT + short, live, depth)
 
 
 def _variable(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:
@@ -489,12 +513,3 @@ def listed_value(node: Node, port: str, live: Nodes, depth: int = 8) -> Value | 
     names = [f"{INPUT}{dynamic.prefix}{number}" for number in range(min(count, len(maker.ports)))]
     items = [effective_value(maker, name, live, depth - 1) for name in names]
     return None if None in items else tuple(item for item in items if item is not None)
-
-
-def _text_of(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:
-    """Return the text that a node makes of its inputs, None for another node or an unknown text."""
-    further = {port for port in node.ports if INPUT in port} if len(kind.text_of) > 1 else set()
-    parts = [*kind.text_of, *sorted(further.difference(kind.text_of))]
-    values = [effective_value(node, part, live, depth) for part in parts]
-    texts = [str(value) for value in values if type(value) in (str, int)]
-    return "".join(texts) if texts and len(texts) == len(parts) else None

@@ -5,7 +5,7 @@ from __future__ import annotations
 import ast
 import math
 import operator
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache
 from itertools import pairwise
 from typing import Any
@@ -50,14 +50,6 @@ def result(formula: str, values: Mapping[str, Any]) -> Any:
         return _value(_tree(formula), {**_CONSTANTS, **values})
     except (ArithmeticError, IndexError, TypeError):
         return None
-
-
-def product(values: Sequence[Any]) -> float | None:
-    """Return the product of numbers, None where one is unknown and none is 0."""
-    known = [float(v) for v in values if isinstance(v, (int, float)) and not isinstance(v, bool)]
-    if 0.0 in known:
-        return 0.0
-    return math.prod(known) if len(known) == len(values) > 1 else None
 
 
 @cache

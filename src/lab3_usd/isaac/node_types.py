@@ -146,11 +146,9 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     not talk to ROS. `articulation` names the relationships at and below whose prims an articulation
     is looked for; `step_limits` the inputs that must be 0 while the input of `time_step` is;
     `sizes` how long the arrays of some outputs always are. In a stage in metres a node gives what
-    comes into its inputs `same_in_metres` as it is. It gives the texts of its inputs `text_of`, one
-    after the other, the second or third input of `picks` while the first is False or True, and of
-    the first input of `element` the item that the second numbers. It reads or, with a signal, sets
-    a `variable`: the inputs that name it, its graph, and the path of that. It gives the product of
-    its inputs if it `multiplies`, and signals at one of two outputs after its `choice`. One that
+    comes into its inputs `same_in_metres` as it is. It reads or, with a signal, sets a `variable`:
+    the inputs that name it, its graph, and the path of that. It signals at one of two outputs after
+    its `choice`. What it makes of values is in `pure_nodes.py`. One that
     `grows_by_message` has its fields as ports, too, and one that `grows` has each port whose name
     fits one of these patterns, in full.
     Of one that `is_open` only some ports are known. What is known of one that `is_documented` is
@@ -181,11 +179,7 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
     lists_joints: JointList | None = None
     product: ProductPorts | None = None
     same_in_metres: tuple[str, ...] = ()
-    text_of: tuple[str, ...] = ()
-    picks: tuple[str, ...] = ()
-    element: tuple[str, ...] = ()
     variable: tuple[str, ...] = ()
-    multiplies: bool = False
     choice: Choice | None = None
     grows_by_message: bool = False
     grows: Mapping[str, Port] = field(default_factory=dict)

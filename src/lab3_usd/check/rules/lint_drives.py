@@ -19,6 +19,7 @@ from lab3_usd.facts.articulations import (
 from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.wires import Connection, connections
 from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.pure_nodes import last_part
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import (
     DRIVEN_AXES,
@@ -81,7 +82,8 @@ def _element(node: Node, size: int, subject: LintSubject) -> int | None:
 
 def _index_port(node: Node) -> str:
     """Return the input that numbers the element which a node takes, '' for another node."""
-    return node.type.element[1] if node.type is not None and node.type.element else ""
+    is_one = node.type is not None and last_part(node.type.type) == "ArrayIndex"
+    return f"{INPUT}index" if is_one else ""
 
 
 @rule("K62", "drive-ignores-velocity", scope="lint")

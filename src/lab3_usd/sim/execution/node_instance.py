@@ -7,13 +7,14 @@ from __future__ import annotations
 
 import importlib
 import math
-from collections.abc import Callable, Iterable, Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct, field
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
+from lab3_usd.isaac.pure_nodes import are_numbers, last_part
 from lab3_usd.model.dry_run import SceneNode
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.transforms import Vector
@@ -32,9 +33,8 @@ MODULES = (
     "core",
     "transforms",
     "messages",
-    "arithmetic",
     "flow",
-    "numbers",
+    "pure",
 )
 _FUNCTIONS: dict[str, Function] = {}
 _EVENTS: dict[str, str] = {}  # of the types that start an execution: what they wait for
@@ -60,7 +60,7 @@ def computes(*names: str, on: str = "") -> Callable[[Function], Function]:
 
 def last_name(node_type: str) -> str:
     """Return a type's name without what stands before it; all constants are one."""
-    name = node_type.rpartition(".")[2]
+    name = last_part(node_type)
     return CONSTANT if name.startswith(CONSTANT) else name
 
 
@@ -74,7 +74,7 @@ def functions() -> Mapping[str, Function]:
 
 def function_of(node_type: NodeType) -> Function | None:
     """Return the function of a type, None if it has none."""
-    known, name = functions(), node_type.type.rpartition(".")[2]
+    known, name = functions(), last_part(node_type.type)
     return known.get(name) or known.get(last_name(name))
 
 
@@ -85,14 +85,6 @@ def event_of(node_type: NodeType) -> str | None:
 
 
 NO_VECTOR = (0.0, 0.0, 0.0)
-
-
-def are_numbers(values: Iterable[object]) -> bool:
-    """Whether all of some values are numbers."""
-    for value in values:  # noqa: SIM110 - at each step; a generator takes twice as long
-        if not isinstance(value, (float, int)):  # as a rule it is a float
-            return False
-    return True
 
 
 class Failure(Struct, frozen=True):

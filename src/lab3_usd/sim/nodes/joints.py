@@ -7,8 +7,9 @@ from __future__ import annotations
 
 import math
 
+from lab3_usd.isaac.pure_nodes import are_numbers
 from lab3_usd.physics.machine import SLIDER, Joint
-from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import JointStates, Message
 from lab3_usd.sim.execution.world import World, open_endpoint, send
 from lab3_usd.sim.nodes.robot import joints_at, received

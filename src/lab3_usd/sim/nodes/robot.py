@@ -8,12 +8,13 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Sequence
 
+from lab3_usd.isaac.pure_nodes import are_numbers
 from lab3_usd.model.dry_run import Affine, ScenePrim
 from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.qos import unmatched
 from lab3_usd.model.transforms import Vector, cross, dot, length
 from lab3_usd.physics.machine import Joint, Machine
-from lab3_usd.sim.execution.node_instance import NodeInstance, are_numbers, computes
+from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
 from lab3_usd.sim.execution.world import (
     RosEndpoint,
