@@ -22,8 +22,8 @@ from lab3_usd.check.match.rule_inputs import LintSubject as Subject
 from lab3_usd.check.own_rules import own_rule
 from lab3_usd.errors import SpecError
 from lab3_usd.facts.endpoints import endpoints
-from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.frames import heard_trees
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.fix.repairing import repair_open_stage
 from lab3_usd.model.changes import (
     ApplySchema,

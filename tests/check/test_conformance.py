@@ -11,7 +11,7 @@ from lab3_usd.check.match.conformance import (
     setting_matches,
     target_matches,
 )
-from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node, PortState, same_value
 from lab3_usd.spec.graph import Setting, Target

@@ -7,12 +7,12 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.facts.execution_order import (
-    effective_value,
     live_nodes,
     run_states,
     running_nodes,
     severity_if_uncertain,
 )
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import Prim

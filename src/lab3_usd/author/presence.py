@@ -9,8 +9,9 @@ from msgspec import Struct
 from lab3_usd.facts.articulations import articulations, commands, named_joints
 from lab3_usd.facts.domains import may_meet
 from lab3_usd.facts.endpoints import endpoints
-from lab3_usd.facts.execution_order import effective_value, event_of, live_nodes, run_states
+from lab3_usd.facts.execution_order import event_of, live_nodes, run_states
 from lab3_usd.facts.frames import all_edges
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.graph import Graph
 from lab3_usd.isaac.graph import Node as Planned
 from lab3_usd.isaac.node_types import INPUT

@@ -12,12 +12,7 @@ from lab3_usd.check.match.conformance import setting_matches, target_matches
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import frame_places
 from lab3_usd.facts.domains import Domain
-from lab3_usd.facts.execution_order import (
-    effective_value,
-    live_nodes,
-    running_nodes,
-    severity_if_uncertain,
-)
+from lab3_usd.facts.execution_order import live_nodes, running_nodes, severity_if_uncertain
 from lab3_usd.facts.frame_targets import (
     FRAME_APIS,
     Pair,
@@ -42,6 +37,7 @@ from lab3_usd.facts.frames import (
     unknown_publishers,
     unresolved_frames,
 )
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.written_names import MessageFrame, message_frames
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Place, Problem

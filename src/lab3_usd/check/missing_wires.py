@@ -6,7 +6,8 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject
 from lab3_usd.facts.clocks import CLOCK
-from lab3_usd.facts.execution_order import event_of, live_nodes, live_sources, run_states
+from lab3_usd.facts.execution_order import event_of, live_nodes, run_states
+from lab3_usd.facts.reaching_values import live_sources
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.model.changes import Connect, CreateNode, Edit
 from lab3_usd.model.finding import short_source

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import Nodes, listed_value
+from lab3_usd.facts.reaching_values import Nodes, listed_value
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import Node

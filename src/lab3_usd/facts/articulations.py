@@ -7,9 +7,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from lab3_usd.facts.arrays import listed, listed_names
-from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources, nodes_of
+from lab3_usd.facts.execution_order import live_nodes, nodes_of
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT, DrivePorts
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.isaac.values import Value

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources, nodes_of_their_own
+from lab3_usd.facts.execution_order import nodes_of_their_own
+from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.isaac.behaviour import WriterPorts
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.stage import Node, StageModel, once_per_stage

@@ -9,7 +9,8 @@ from msgspec import Struct
 
 from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.endpoints import Endpoint, endpoints
-from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 

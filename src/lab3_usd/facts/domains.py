@@ -6,8 +6,9 @@ from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import Nodes, effective_value, live_nodes, live_sources
+from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.likely_names import is_unregistered
+from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value

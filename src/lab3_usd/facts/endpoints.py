@@ -14,17 +14,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, domain_of
-from lab3_usd.facts.execution_order import (
-    LiveNodes,
-    Nodes,
-    effective_value,
-    is_switched_on,
-    live_nodes,
-    live_sources,
-    nodes_of,
-    run_states,
-)
+from lab3_usd.facts.execution_order import is_switched_on, live_nodes, nodes_of, run_states
 from lab3_usd.facts.rates import rate_source
+from lab3_usd.facts.reaching_values import LiveNodes, Nodes, effective_value, live_sources
 from lab3_usd.facts.render_products import has_two_sizes, sensor_of, stereo_products
 from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.messages import NAMED

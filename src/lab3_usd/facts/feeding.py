@@ -8,17 +8,12 @@ from msgspec import Struct
 
 from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.endpoints import running_endpoints
-from lab3_usd.facts.execution_order import (
-    Nodes,
-    effective_value,
-    live_nodes,
-    live_sources,
-    running_nodes,
-)
+from lab3_usd.facts.execution_order import live_nodes, running_nodes
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name
 from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.facts.sensor_topics import frame_prims
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, once_per_stage

@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import live_nodes, live_sources, nodes_of
+from lab3_usd.facts.execution_order import live_nodes, nodes_of
+from lab3_usd.facts.reaching_values import live_sources
 from lab3_usd.isaac.behaviour import BodyOf
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform

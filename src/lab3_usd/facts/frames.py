@@ -14,13 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.facts.arrays import listed, listed_names
 from lab3_usd.facts.domains import Domain, domain_of
 from lab3_usd.facts.endpoints import full_topic, message_type, moving_prims
-from lab3_usd.facts.execution_order import (
-    Nodes,
-    effective_value,
-    live_nodes,
-    live_sources,
-    signal_inputs,
-)
+from lab3_usd.facts.execution_order import live_nodes, signal_inputs
 from lab3_usd.facts.frame_targets import (
     Pair,
     UnresolvedFrames,
@@ -32,6 +26,7 @@ from lab3_usd.facts.frame_targets import (
     unresolved_frames_of,
 )
 from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.facts.stuck_nodes import working_nodes, working_states
 from lab3_usd.facts.tree import Tree, tree
 from lab3_usd.isaac.node_types import TfPorts

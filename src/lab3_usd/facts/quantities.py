@@ -4,7 +4,8 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.behaviour import UnitOf
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform

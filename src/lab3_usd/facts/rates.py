@@ -4,14 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.facts.execution_order import (
-    Nodes,
-    effective_value,
-    event_of,
-    live_sources,
-    run_states,
-    signals,
-)
+from lab3_usd.facts.execution_order import event_of, run_states, signals
+from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.facts.render_products import sensor_of
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.platform import Platform

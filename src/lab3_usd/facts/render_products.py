@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import Nodes, effective_value, live_sources
+from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.isaac.topics import PRODUCT, product_input
 from lab3_usd.model.stage import Node, StageModel
 

@@ -10,10 +10,11 @@ from collections.abc import Iterator, Mapping
 from msgspec import Struct
 
 from lab3_usd.facts.endpoints import Endpoint, endpoints
-from lab3_usd.facts.execution_order import effective_value, live_nodes
+from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.followed_bodies import moving_source
 from lab3_usd.facts.frame_targets import parent_frame, parent_prim
 from lab3_usd.facts.frames import all_edges, heard_trees
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.render_products import Shown, shown_by
 from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.topics import frame_ports, product_input

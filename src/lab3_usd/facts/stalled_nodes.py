@@ -8,14 +8,11 @@ from msgspec import Struct
 
 from lab3_usd.facts.arrays import array_items
 from lab3_usd.facts.execution_order import (
-    Nodes,
-    effective_value,
     event_of,
     gate_step,
     is_opened_first,
     is_switched_on,
     live_nodes,
-    live_sources,
     run_states,
     shut_gate,
     signal_inputs,
@@ -23,6 +20,7 @@ from lab3_usd.facts.execution_order import (
     signals_once,
     unchosen_output,
 )
+from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.isaac.behaviour import Need
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform

@@ -9,12 +9,8 @@ from msgspec import Struct
 from lab3_usd.facts.articulations import articulations, is_empty
 from lab3_usd.facts.domains import LAST_DOMAIN, context_inputs, domain_of, domains, invalid_contexts
 from lab3_usd.facts.execution_order import (
-    LiveNodes,
-    Nodes,
     State,
-    effective_value,
     live_nodes,
-    live_sources,
     nodes_of,
     referenced_graphs,
     run_states,
@@ -23,6 +19,7 @@ from lab3_usd.facts.execution_order import (
     states_without,
 )
 from lab3_usd.facts.followed_bodies import followed_bodies
+from lab3_usd.facts.reaching_values import LiveNodes, Nodes, effective_value, live_sources
 from lab3_usd.facts.render_products import shown_by
 from lab3_usd.facts.sensor_faults import faults_of
 from lab3_usd.facts.stalled_nodes import is_given, unmet_needs

@@ -9,7 +9,8 @@ from typing import Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.facts.execution_order import Nodes, is_source, live_nodes, live_sources, may_give
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.facts.reaching_values import Nodes, is_source, live_sources, may_give
 from lab3_usd.facts.tree import is_acyclic
 from lab3_usd.isaac.node_types import INPUT, Dynamic, NodeType, Port, can_connect, without_role
 from lab3_usd.model.stage import Node, StageModel, absence_reason, once_per_stage

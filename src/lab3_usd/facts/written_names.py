@@ -14,16 +14,10 @@ from lab3_usd.facts.endpoints import (
     resolve,
     used_topics,
 )
-from lab3_usd.facts.execution_order import (
-    effective_value,
-    is_switched_on,
-    live_nodes,
-    live_sources,
-    nodes_of,
-    run_states,
-)
+from lab3_usd.facts.execution_order import is_switched_on, live_nodes, nodes_of, run_states
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name
+from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.topics import frame_ports
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 

@@ -7,7 +7,7 @@ from collections.abc import Mapping, Sequence
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import GraphSubject
-from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value, are_alike
 from lab3_usd.model.stage import GraphModel, Node, RenderProduct, once_per_stage, same_value

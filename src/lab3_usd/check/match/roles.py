@@ -8,7 +8,7 @@ from msgspec import Struct, field
 
 from lab3_usd.check.match.conformance import setting_matches, source_path, target_matches
 from lab3_usd.check.match.rule_inputs import Roles
-from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.behaviour import Scripts
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.stage import GraphModel, Node

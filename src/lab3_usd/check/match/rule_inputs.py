@@ -8,12 +8,7 @@ from typing import TYPE_CHECKING, Literal, Protocol
 from msgspec import Struct, field
 
 from lab3_usd.facts.domains import Domain, are_surely_one
-from lab3_usd.facts.execution_order import (
-    Nodes,
-    live_nodes,
-    run_states,
-    unevaluated_by,
-)
+from lab3_usd.facts.execution_order import live_nodes, run_states, unevaluated_by
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import (
     Edge,
@@ -24,6 +19,7 @@ from lab3_usd.facts.frames import (
     robots_shown,
     shared_tf_topics,
 )
+from lab3_usd.facts.reaching_values import Nodes
 from lab3_usd.facts.stalled_nodes import is_needed
 from lab3_usd.facts.stuck_nodes import is_module
 from lab3_usd.facts.wires import connections, find_cycles

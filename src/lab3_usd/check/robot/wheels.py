@@ -10,13 +10,8 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.facts.arrays import listed_names
 from lab3_usd.facts.endpoints import names_by_node
-from lab3_usd.facts.execution_order import (
-    Nodes,
-    effective_value,
-    live_nodes,
-    nodes_of,
-    running_nodes,
-)
+from lab3_usd.facts.execution_order import live_nodes, nodes_of, running_nodes
+from lab3_usd.facts.reaching_values import Nodes, effective_value
 from lab3_usd.isaac.node_types import DrivePorts
 from lab3_usd.model.physics import (
     ARTICULATION_API,

@@ -23,8 +23,9 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import removal_or_repair
 from lab3_usd.facts.domains import are_surely_one
 from lab3_usd.facts.endpoints import Endpoint, endpoints, running_endpoints
-from lab3_usd.facts.execution_order import effective_value, live_nodes
+from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.followed_bodies import moving_source
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.model.changes import Edit, RemovePrim
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below

@@ -12,8 +12,9 @@ from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.check.repairs import removal_or_repair
 from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.facts.domains import domain_of
-from lab3_usd.facts.execution_order import effective_value, running_nodes
+from lab3_usd.facts.execution_order import running_nodes
 from lab3_usd.facts.frame_targets import tf_ports
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.node_types import NodeType, TfPorts
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import AbsentPrim, Node, PortState, once_per_stage

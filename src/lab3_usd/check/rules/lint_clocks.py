@@ -18,7 +18,7 @@ from lab3_usd.facts.domains import (
     may_meet,
 )
 from lab3_usd.facts.endpoints import Endpoint, moving_prims, running_endpoints
-from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.stalled_nodes import has_side_effects
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import ClearValue

@@ -16,7 +16,7 @@ from lab3_usd.facts.articulations import (
     reached_joints,
     wired_commands,
 )
-from lab3_usd.facts.execution_order import effective_value
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.wires import Connection, connections
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.pure_nodes import last_part

@@ -9,11 +9,8 @@ from lab3_usd.check.missing_wires import likely_wire, lost_constant, wire_hint
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.arrays import array_items
 from lab3_usd.facts.articulations import commands
-from lab3_usd.facts.execution_order import (
-    effective_value,
-    live_sources,
-    nodes_of,
-)
+from lab3_usd.facts.execution_order import nodes_of
+from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.facts.stalled_nodes import (
     is_nothing,
     is_wired,

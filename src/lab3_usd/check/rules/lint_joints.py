@@ -18,8 +18,8 @@ from lab3_usd.facts.articulations import (
     number_of_commands,
     unused_indices,
 )
-from lab3_usd.facts.execution_order import live_sources
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
+from lab3_usd.facts.reaching_values import live_sources
 from lab3_usd.isaac.releases import is_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Place, Problem, display

@@ -9,7 +9,8 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.domains import are_surely_one, domain_of
 from lab3_usd.facts.endpoints import namespace_of, resolve
-from lab3_usd.facts.execution_order import effective_value, nodes_of
+from lab3_usd.facts.execution_order import nodes_of
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.wires import connections
 from lab3_usd.isaac.messages import NAMED, why_no_message, why_no_service
 from lab3_usd.isaac.node_types import NodeType

@@ -9,11 +9,11 @@ from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import (
     event_of,
     gate_step,
-    live_sources,
     nodes_of,
     signal_inputs,
     signal_sources,
 )
+from lab3_usd.facts.reaching_values import live_sources
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
 

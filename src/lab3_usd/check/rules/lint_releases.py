@@ -10,8 +10,8 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE
-from lab3_usd.facts.execution_order import effective_value
 from lab3_usd.facts.feeding import working_nodes
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.read_sensors import read_lidars, read_sensors
 from lab3_usd.facts.saved_releases import ended_renaming
 from lab3_usd.facts.sensor_values import values_of

@@ -21,9 +21,10 @@ from lab3_usd.facts.articulations import (
     wired_commands,
 )
 from lab3_usd.facts.endpoints import names_by_node
-from lab3_usd.facts.execution_order import effective_value, live_nodes, live_sources
+from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.quantities import unit_of
+from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.facts.wheels import anchor, car_sizes, pair_sizes, unknown_shape, wheel_radius
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem

@@ -11,7 +11,6 @@ from lab3_usd.check.registry import rule
 from lab3_usd.facts.changes import effect_on_run, writing_nodes
 from lab3_usd.facts.execution_order import (
     ENABLED,
-    effective_value,
     event_of,
     is_graph_evaluated,
     is_switched_on,
@@ -23,6 +22,7 @@ from lab3_usd.facts.execution_order import (
     signals_once,
     unchosen_output,
 )
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.stalled_nodes import (
     Stop,
     feeds,

@@ -9,7 +9,8 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import articulations
-from lab3_usd.facts.execution_order import effective_value, nodes_of
+from lab3_usd.facts.execution_order import nodes_of
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.read_sensors import read_lidars, read_sensors
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
 from lab3_usd.facts.sensor_values import SensorValues, values_of

@@ -15,8 +15,9 @@ from lab3_usd.facts.endpoints import (
     qos_of,
     running_endpoints,
 )
-from lab3_usd.facts.execution_order import effective_value, nodes_of
+from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.written_names import refused_namespaces, written_frames, written_topics
 from lab3_usd.isaac.node_types import KIND, NodeType
 from lab3_usd.model.changes import ClearValue, Edit, SetValue

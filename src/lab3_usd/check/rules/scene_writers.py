@@ -11,7 +11,8 @@ from lab3_usd.check.requirements import demands_of
 from lab3_usd.check.robot.ground import planes
 from lab3_usd.check.rules.world import at_rest
 from lab3_usd.facts.changes import effect_on_run, writing_nodes, written_paths
-from lab3_usd.facts.execution_order import effective_value, live_nodes, severity_if_uncertain
+from lab3_usd.facts.execution_order import live_nodes, severity_if_uncertain
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.behaviour import WriterPorts
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import RemovePrim

@@ -18,8 +18,9 @@ from lab3_usd.check.message_suffixes import with_setting
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.facts.endpoints import moving_prims
-from lab3_usd.facts.execution_order import effective_value, live_nodes
+from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.render_products import sensor_of
 from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.topics import resolved_topic

@@ -10,7 +10,8 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import edits_in_stage
 from lab3_usd.check.robot.wheels import second_commanders
 from lab3_usd.facts.endpoints import PROFILE, Endpoint, endpoints
-from lab3_usd.facts.execution_order import live_nodes, live_sources
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.facts.reaching_values import live_sources
 from lab3_usd.model.finding import Problem
 
 
