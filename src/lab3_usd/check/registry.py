@@ -108,6 +108,7 @@ MODULES = {
         "any_sensors",
         "lint_running",
         "lint_inputs",
+        "lint_names",
         "lint_pace",
         "lint_clocks",
         "lint_releases",

@@ -155,8 +155,8 @@ def _term(node: Node, short: str, live: Nodes, depth: int) -> Value | None:
 
 def _variable(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:
     """Return the value of a variable that no node sets, None for another one."""
-    name, graph, path = kind.variable
-    if type(live) is not LiveNodes or node.sources(path) or node.value(path):
+    name, graph, path = (*kind.variable, "", "")[:3]
+    if type(live) is not LiveNodes or not graph or node.sources(path) or node.value(path):
         return None
     own = live.variables.get(next(iter(node.targets(graph)), node.path.rpartition("/")[0]), {})
     return own.get(f"{VARIABLE}{effective_value(node, name, live, depth)}")
