@@ -37,7 +37,7 @@ def write(folder: Path, megabytes: float) -> None:
     from breaking import correct_stage
     from recordings import Sent, rewritten
 
-    from lab3_usd.sim.bag.writer import STORE
+    from lab3_usd.sim.ros_messages import STORE
 
     stage = folder / "Lab3_05.usda"
     correct_stage("05").GetRootLayer().Export(str(stage))

@@ -62,7 +62,7 @@ ROOMS = {
     "stage/compare/": "diff",
     "diff.py": "diff",
     "model/changes.py": "diff",
-    "commands/diff.py": "diff",
+    "features/diff/": "diff",
 }
 MEASURE = """[run]
 core = sysmon

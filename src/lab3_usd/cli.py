@@ -10,13 +10,14 @@ import os
 import sys
 from collections.abc import Callable
 from io import TextIOWrapper
+from itertools import groupby
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Literal, NoReturn
 
 import click
 
-from lab3_usd import features
-from lab3_usd.commands.table import CALLS, COMMANDS, EXAMPLES, GROUPS
+from lab3_usd import hooks
+from lab3_usd.commands.table import EXAMPLES, all_commands, command_named
 from lab3_usd.data import LAB_VARIABLE, as_called, program
 from lab3_usd.errors import (
     EXIT_CRASH,
@@ -45,25 +46,25 @@ class LazyGroup(click.Group):
     def list_commands(self, ctx: click.Context) -> list[str]:
         """Name the commands, group by group."""
         del ctx
-        return list(COMMANDS)
+        return list(all_commands())
 
     def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import one command; None when there is no such command."""
         del ctx
-        if cmd_name not in COMMANDS:
+        listed = command_named(cmd_name)
+        if listed is None:
             return None
-        module = importlib.import_module(f"lab3_usd.commands.{cmd_name}")
-        command = _as_called(module.command)
-        calls = (f"  {call}" for call in CALLS[cmd_name])
+        command = _as_called(importlib.import_module(listed.module).command)
+        calls = (f"  {call}" for call in listed.calls)
         command.epilog = as_called("\n".join(("\b", "Examples:", *calls)))
         return command
 
     def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands from the table, so that help imports none of them."""
         del ctx
-        for users, commands in GROUPS.items():
+        for users, commands in groupby(all_commands().items(), lambda item: item[1].users):
             with formatter.section(f"Commands for {users}"):
-                formatter.write_dl([(name, text) for name, (text, *_) in commands.items()])
+                formatter.write_dl([(name, command.text) for name, command in commands])
 
     def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Show examples."""
@@ -82,10 +83,10 @@ class LazyGroup(click.Group):
                 click.echo(ctx.get_help())
                 ctx.exit()
         name = args[0]
-        if name not in COMMANDS and not name.startswith("-"):
+        if command_named(name) is None and not name.startswith("-"):
             from difflib import get_close_matches
 
-            close = " or ".join(f"'{match}'" for match in get_close_matches(name, COMMANDS))
+            close = " or ".join(f"'{match}'" for match in get_close_matches(name, all_commands()))
             hint = f"did you mean {close}?" if close else f"{program()} --help lists all"
             raise click.UsageError(f"there is no command '{name}'; {hint}")
         return super().resolve_command(ctx, args)
@@ -95,8 +96,8 @@ class LazyGroup(click.Group):
         from click.shell_completion import CompletionItem
 
         named = [
-            CompletionItem(name, help=text)
-            for name, text in COMMANDS.items()
+            CompletionItem(name, help=command.text)
+            for name, command in all_commands().items()
             if name.startswith(incomplete)
         ]
         return named + click.Command.shell_complete(self, ctx, incomplete)
@@ -163,7 +164,7 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
 
     context.call_on_close(put_back)
     if is_zip:
-        folder = context.with_resource(features.unpacked_lab(folder))
+        folder = context.with_resource(hooks.unpacked_lab(folder))
     os.environ[LAB_VARIABLE] = str(folder)
 
 

@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.explanations import explaining_finding
 from lab3_usd.check.registry import all_rules
-from lab3_usd.commands.sim import with_dry_run
+from lab3_usd.features.sim.notes import with_dry_run
 from lab3_usd.model.dry_run import Behaviour, Check
 from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.pipeline.stage import check_stage

@@ -35,7 +35,7 @@ from lab3_usd.pipeline.entries import crashed_target
 from lab3_usd.pipeline.processes import in_processes
 from lab3_usd.pipeline.results import Target
 from lab3_usd.pipeline.stage import JudgeSettings
-from lab3_usd.report.formats.registry import FORMATS, render
+from lab3_usd.report.formats.registry import all_formats, render
 from lab3_usd.spec.lab import Lab
 
 CLOCK = "Lab3_01_ros_clock.usda"
@@ -146,7 +146,7 @@ def test_a_file_that_ends_its_process_is_a_crash_and_costs_no_other_its_result(
     assert report["results"][1 : len(stages) + 1] == alone
 
 
-@pytest.mark.parametrize("form", FORMATS)
+@pytest.mark.parametrize("form", all_formats())
 def test_every_format_tells_of_a_crash(form: str) -> None:
     entries = (Target(CLOCK, is_submission=False), Target("ana", is_submission=True))
     crashed = [crashed_target(JudgeSettings(), entry, "SIGSEGV") for entry in entries]

@@ -11,9 +11,9 @@ import pytest
 from invoking import invoke
 from mini_lab import copied
 
-from lab3_usd.commands import doctor
-from lab3_usd.commands.doctor import Diagnosis
 from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.features.doctor import doctor
+from lab3_usd.features.doctor.doctor import Diagnosis
 from lab3_usd.installation import install_command
 
 

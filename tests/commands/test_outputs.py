@@ -117,7 +117,7 @@ def place(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
 def inputs_of(call: str) -> Iterator[str]:
     """Yield the files that a call reads."""
     words = call.split()
-    command = next(word for word in words if word in cli.COMMANDS)
+    command = next(word for word in words if word in cli.all_commands())
     is_configured = command not in NOT_CONFIGURED and "other.toml" not in words
     for word in words:
         for name in READ.get(word, ()):
@@ -211,7 +211,7 @@ def test_every_option_of_a_file_that_is_written_is_tried() -> None:
         for word in call.split()
         for option in options.split()
     }
-    for name in cli.COMMANDS:
+    for name in cli.all_commands():
         for parameter in cli.lab3.get_command(root, name).params:
             if isinstance(parameter.type, OutputFile):
                 assert not tried.isdisjoint((name, option) for option in parameter.opts), name
@@ -219,7 +219,7 @@ def test_every_option_of_a_file_that_is_written_is_tried() -> None:
 
 def test_every_path_of_a_command_is_an_input_or_an_output() -> None:
     root = click.Context(cli.lab3)
-    commands = [cli.lab3.get_command(root, name) for name in cli.COMMANDS]
+    commands = [cli.lab3.get_command(root, name) for name in cli.all_commands()]
     commands += [inner for each in commands for inner in getattr(each, "commands", {}).values()]
     kinds = (Input, OutputFile, OutputFolder, ChangedFolder)
     plain = [

@@ -46,7 +46,7 @@ def options_of(name: str) -> set[str]:
 
 def test_each_command_that_a_text_names_exists_with_its_options() -> None:
     commands = named()
-    assert {name for name, _ in commands} - set(cli.COMMANDS) == set()
+    assert {name for name, _ in commands} - set(cli.all_commands()) == set()
     unknown = {
         (name, option)
         for name, options in commands

@@ -11,7 +11,7 @@ from click.testing import CliRunner
 from invoking import invoke
 
 from lab3_usd.cli import lab3, main
-from lab3_usd.commands.table import COMMANDS
+from lab3_usd.commands.table import all_commands
 from lab3_usd.data import PROGRAMS, program
 
 OTHER = PROGRAMS[1]
@@ -30,7 +30,7 @@ def test_both_names_are_installed(repository: Path) -> None:
     assert tuple(started) == PROGRAMS
 
 
-@pytest.mark.parametrize("command", [(), *((name,) for name in COMMANDS), ("lab", "new")])
+@pytest.mark.parametrize("command", [(), *((name,) for name in all_commands()), ("lab", "new")])
 def test_the_help_of_a_command_names_the_program_as_typed(command: tuple[str, ...]) -> None:
     result = CliRunner().invoke(lab3, [*command, "--help"], prog_name=program())
     assert result.output.startswith(f"Usage: {OTHER}")

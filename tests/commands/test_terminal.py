@@ -224,7 +224,7 @@ def test_a_system_without_threads_is_one_line(
     def fail(**_parameters: object) -> None:
         raise RuntimeError("can't start new thread")
 
-    monkeypatch.setattr("lab3_usd.commands.doctor.command.callback", fail)
+    monkeypatch.setattr("lab3_usd.features.doctor.doctor.command.callback", fail)
     monkeypatch.setattr("sys.argv", ["lab3", "doctor"])
     with pytest.raises(SystemExit) as ended:
         cli.main()

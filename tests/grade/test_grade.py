@@ -25,8 +25,8 @@ from pxr import Sdf
 from workers_here import graded_here, workers_here
 
 from lab3_usd import cli
-from lab3_usd.commands import grade as grade_command
 from lab3_usd.errors import Lab3Error, StageError, UsageError
+from lab3_usd.features.grade import grade as grade_command
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
 from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.rubric import load_rubric

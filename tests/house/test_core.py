@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-import ast
+import importlib
+import inspect
 import subprocess
 import sys
 from pathlib import Path
 
+import pytest
 from places import REPOSITORY
 
-from lab3_usd import features
+from lab3_usd import hooks
+from lab3_usd.errors import UsageError
+from lab3_usd.spec.load.loader import load_lab
 
 if sys.version_info >= (3, 11):
     import tomllib
@@ -44,7 +48,7 @@ def feature_packages() -> tuple[str, ...]:
     return next(
         tuple(each["forbidden_modules"])
         for each in contracts
-        if "lab3_usd.commands.check" in each.get("source_modules", ())
+        if "lab3_usd.commands" in each.get("source_modules", ())
     )
 
 
@@ -58,15 +62,19 @@ def test_the_commands_of_the_core_load_no_feature(tmp_path: Path) -> None:
     assert [name for name in sorted(loaded) if name.startswith(packages)] == []
 
 
-def test_each_function_of_a_feature_is_where_the_core_looks_for_it() -> None:
-    tree = ast.parse(Path(features.__file__).read_text(encoding="utf-8"))
-    typed = {
-        name.name: node.module
-        for block in tree.body
-        if isinstance(block, ast.If)
-        for node in block.body
-        if isinstance(node, ast.ImportFrom)
-        for name in node.names
-    }
-    looked_for = {name: getattr(features, name).__module__ for name in features.__all__}
-    assert looked_for == typed
+@pytest.mark.parametrize("feature", [*hooks.features()], ids=hooks.FEATURES)
+def test_a_feature_answers_a_question_as_the_core_asks_it(feature: hooks.Feature) -> None:
+    for name, module in feature.answers.items():
+        asked = inspect.signature(getattr(hooks, name)).parameters
+        answered = inspect.signature(getattr(importlib.import_module(module), name)).parameters
+        required = [each for each in answered.values() if each.default is each.empty]
+        assert [each.name for each in required] == [*asked]
+
+
+def test_what_no_feature_answers_is_refused_or_empty(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setattr(hooks, "FEATURES", ())
+    assert hooks.read_recordings(tmp_path, (), (load_lab(), "02"), lambda _: "") == ()
+    with pytest.raises(UsageError, match="no feature for it"):
+        hooks.unpacked_lab(tmp_path / "lab.zip")

@@ -19,7 +19,7 @@ from packaging.version import Version
 from places import REPOSITORY
 
 from lab3_usd.check.registry import all_rules
-from lab3_usd.deliverables.scripts import collect_script
+from lab3_usd.features.collect.script import collect_script
 from lab3_usd.spec.load.loader import load_lab
 
 if sys.version_info >= (3, 11):

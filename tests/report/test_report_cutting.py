@@ -25,7 +25,7 @@ from lab3_usd.model.finding import (
 )
 from lab3_usd.pipeline.folder import FolderSettings, check_folder
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.report.formats.registry import FORMATS, render
+from lab3_usd.report.formats.registry import all_formats, render
 from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import LONGEST, truncated, truncated_report, truncated_values
 from lab3_usd.stage.read.opening import kept_open
@@ -154,7 +154,7 @@ def test_no_format_is_large(huge: Path) -> None:
     report = Report((check_stage(str(huge), "05", LAB),))
     sizes = {
         name: len(render(name, report, all_rules(), Options(verbosity="verbose")))
-        for name in FORMATS
+        for name in all_formats()
     }
     (result,) = report.results
     entries = len(result.findings) + len(result.not_judged)
@@ -201,7 +201,7 @@ def test_what_lies_beside_the_stages_makes_no_report_large(
     monkeypatch.chdir(tmp_path)
     found = check_folder(Path(), FolderSettings())
     report = Report(found.results, (found.submission,))
-    for each in FORMATS:
+    for each in all_formats():
         assert len(render(each, report, all_rules(), Options(verbosity="verbose"))) < MOST, each
 
 

@@ -27,8 +27,8 @@ from seven_joints import (
 )
 from workers_here import workers_here
 
-from lab3_usd.commands.sim import _record
 from lab3_usd.errors import UsageError
+from lab3_usd.features.bag.sim_recording import record_run
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.dry_run import dry_run
@@ -372,5 +372,5 @@ def test_a_bag_of_a_checkpoint_says_that_joints_are_commanded_in_another_play(
     run = dry_run(described[0][-1], lab, "5", "0,0,0.5")
     assert run.trial is not None
     topic = run.behaviour.robots[0].topic
-    *_, last = _record(run, run.trial, lab, tmp_path / "bag", None)
+    *_, last = record_run(run, run.trial, lab, tmp_path / "bag", None)
     assert last == f"  commands on {topic} come in another play: not recorded"

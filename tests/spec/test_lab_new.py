@@ -17,8 +17,8 @@ from msgspec.structs import replace
 from places import REPOSITORY, SHARED, TESTS
 from pxr import Sdf, Usd
 
-from lab3_usd.commands.lab import chosen_stages
 from lab3_usd.errors import Lab3Error
+from lab3_usd.features.new_lab.lab import chosen_stages
 from lab3_usd.grade.lab_schemas import schema_texts, with_schema
 from lab3_usd.new_lab.checkpoints import file_names, names_of_stages
 from lab3_usd.new_lab.lab import describe_lab, write_folder

@@ -17,8 +17,8 @@ from rosbags.rosbag2 import CompressionFormat, CompressionMode, Reader, StorageP
 from rosbags.rosbag2 import metadata as qos_metadata
 from rosbags.rosbag2 import writer as bag_writer
 
-from lab3_usd.commands.sim import command as sim_command
-from lab3_usd.sim.bag.writer import STORE
+from lab3_usd.features.sim.sim import command as sim_command
+from lab3_usd.sim.ros_messages import STORE
 
 DRIVE = "0.2,0,1.26 0,0,0.2 -0.2,0,1.26 0,0.8,0.5 0,0,0.2"
 

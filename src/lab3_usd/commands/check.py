@@ -11,7 +11,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd import features
+from lab3_usd import hooks
 from lab3_usd.commands.shared.configuration import (
     ConfigOptions,
     as_text,
@@ -168,8 +168,8 @@ def _untrusting_judge(starter: str | None, assets: tuple[str, ...]) -> Judge:
     file = Path(starter)
     places = asset_places(assets)
     return Judge(
-        find=features.find_untrusted,
-        judge=lambda work, _jobs: features.judge_untrusted(work, file, places, _notify),
+        find=hooks.find_untrusted,
+        judge=lambda work, _jobs: hooks.judge_untrusted(work, file, places, _notify),
         module="lab3_usd.check.checker",
     )
 

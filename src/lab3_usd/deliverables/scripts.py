@@ -1,101 +1,29 @@
-"""Fills the text templates.
-
-The script that saves diagnostics, and the files of localization and navigation.
-"""
+"""The files of localization and navigation, and how templates of text files are filled."""
 
 from __future__ import annotations
 
-import re
-import shlex
 from collections.abc import Mapping
 from pathlib import Path
 
-from lab3_usd.deliverables.evidence.reader import MANIFEST
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import RosSpec
 
-FOLDER = Path(__file__).resolve().parent / "templates"
+_FOLDER = Path(__file__).resolve().parent / "templates"
 
 
-def fill_template(template: str, **values: object) -> str:
-    """Return the template with its values; a value that is missing is an error."""
+def fill_template(template: Path, **values: object) -> str:
+    """Return a template with its values; a value that is missing is an error."""
     import jinja2
 
     environment = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(FOLDER, encoding="utf-8"),
+        loader=jinja2.FileSystemLoader(template.parent, encoding="utf-8"),
         undefined=jinja2.StrictUndefined,
         keep_trailing_newline=True,
         autoescape=False,  # noqa: S701 - YAML, Python and shell, not HTML
     )
-    return environment.get_template(template).render(**values)
-
-
-SCRIPT = "collect.sh"
-RESULTS = "results"
-GOAL_FILE = "goal.txt"
-GOAL_POSE_FILE = "goal_pose.txt"
-DAEMON_FILE = "daemon.txt"
-ROBOT_BEFORE_FILE = "goal_robot_before.txt"
-BAG = "recording"
-# The topics of goals are hidden ones; images are large, and their info says when they came.
-_RECORD = ("ros2", "bag", "record", "--all", "--include-hidden-topics")
-_IMAGE = "sensor_msgs/msg/Image"
-
-
-def collect_script(lab: Lab) -> str:
-    """Return the script for the commands of `ros.yaml`, each with its time limit."""
-    ros = lab.ros
-    frames = next((command for command in ros.commands if command.kind.name == "view_frames"), None)
-    images = [re.escape(topic.name) for topic in ros.topics.values() if topic.type == _IMAGE]
-    without_images = ["--exclude", "|".join(images)] if images else []
-    lines = [
-        "record_frames"
-        if command.kind.name == "view_frames"
-        else f"record {shlex.quote(command.file)} {command.kind.seconds} {_quoted(command.line)}"
-        for command in ros.commands
-    ]
-    goal = ros.goal and {
-        "status": _echo(ros, ros.goal.status),
-        "robot": _echo(ros, ros.goal.robot),
-        "pose": _echo(ros, ros.goal.pose),
-        "running": ros.goal.running,
-    }
-    return fill_template(
-        "collect.sh.j2",
-        script=SCRIPT,
-        lab=lab.title,
-        results=next(iter(lab.submission.folders.shown), RESULTS),
-        navigation=ros.navigation is not None,
-        manifest=MANIFEST,
-        setup=shlex.quote(ros.system.setup),
-        domain=ros.system.domain,
-        distribution=ros.system.distribution,
-        commands=lines,
-        goal=goal,
-        no_goal=shlex.quote(f"{SCRIPT}: {lab.title} has no navigation goal to wait for"),
-        goal_file=GOAL_FILE,
-        pose_file=GOAL_POSE_FILE,
-        daemon_file=DAEMON_FILE,
-        robot_before=ROBOT_BEFORE_FILE,
-        bag=BAG,
-        record_bag=shlex.join([*_RECORD, *without_images]),
-        frames=frames
-        and {
-            "file": frames.file,
-            "seconds": frames.kind.seconds,
-            "command": _quoted(frames.line),
-        },
-    )
-
-
-def _echo(ros: RosSpec, topic: str) -> str:
-    return _quoted(ros.kinds["topic_echo"].run.format(of=topic, to=""))
-
-
-def _quoted(line: str) -> str:
-    return shlex.join(shlex.split(line))
+    return environment.get_template(template.name).render(**values)
 
 
 LAUNCH_FILE = "lab3_launch.py"
@@ -129,10 +57,10 @@ def nav2_files(lab: Lab, ros: RosSpec) -> dict[str, str]:
         "scale": _MOST_SCALE,
     }
     return {
-        LAUNCH_FILE: fill_template("lab3_launch.py.j2", **values),
-        PARAMS_FILE: fill_template("nav2_params.yaml.j2", **values),
-        RVIZ_FILE: fill_template("lab3.rviz.j2", **navigation),
-        LIDAR_RVIZ_FILE: fill_template("lab3.rviz.j2", **lidar),
+        LAUNCH_FILE: fill_template(_FOLDER / "lab3_launch.py.j2", **values),
+        PARAMS_FILE: fill_template(_FOLDER / "nav2_params.yaml.j2", **values),
+        RVIZ_FILE: fill_template(_FOLDER / "lab3.rviz.j2", **navigation),
+        LIDAR_RVIZ_FILE: fill_template(_FOLDER / "lab3.rviz.j2", **lidar),
     }
 
 

@@ -10,7 +10,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd import features
+from lab3_usd import hooks
 from lab3_usd.check.checker import judge
 from lab3_usd.check.lint import lint
 from lab3_usd.check.rule_runs import RuleResults
@@ -201,7 +201,7 @@ def _fixed(
 
     def effects() -> frozenset[str]:
         try:
-            return features.effects_of(stage, lab.platform)
+            return hooks.effects_of(stage, lab.platform)
         finally:
             release_start_values(stage)
 

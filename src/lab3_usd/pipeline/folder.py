@@ -11,7 +11,7 @@ from pathlib import Path, PurePosixPath
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from lab3_usd import features
+from lab3_usd import hooks
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.deliverables.maps import SuppliedMap, opens_all
@@ -100,7 +100,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     entries, may_open = contents.listing.entries, settings.may_open
     evidence = read_saved_outputs(contents)
     if any(entry.is_recording for entry in entries):
-        recordings = features.read_recordings(folder, entries, (lab, until), may_open)
+        recordings = hooks.read_recordings(folder, entries, (lab, until), may_open)
         evidence = replace(evidence, recordings=recordings)
     required = settings.require_evidence
     handed_in = settings.handed_in or required or _is_concluded(contents)

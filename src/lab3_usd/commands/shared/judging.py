@@ -18,7 +18,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd import features
+from lab3_usd import hooks
 from lab3_usd.commands.shared.options import understands_ansi
 from lab3_usd.commands.shared.reporting import (
     Reporting,
@@ -131,7 +131,7 @@ def _judged(entries: list[Target], judge: Judge, reporting: Reporting) -> Report
     with ends, _progress(judged, len(entries), quiet=reporting.view.quiet) as bar:
         for stages, folders in bar:
             for stage in stages:
-                played = features.with_dry_run(stage) if reporting.plays else None
+                played = hooks.with_dry_run(stage) if reporting.plays else None
                 result = stage if played is None else played.result
                 if played is not None and played.drawn is not None:
                     dry_runs[stage.path] = played.drawn

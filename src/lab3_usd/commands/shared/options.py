@@ -93,11 +93,11 @@ def complete_formats(
     """Offer the formats of reports."""
     from click.shell_completion import CompletionItem
 
-    from lab3_usd.report.formats.registry import FORMATS
+    from lab3_usd.report.formats.registry import all_formats
 
     return [
         CompletionItem(name, help=form.purpose)
-        for name, form in FORMATS.items()
+        for name, form in all_formats().items()
         if name.startswith(incomplete)
     ]
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import click
 from msgspec import Struct
 
-from lab3_usd import features
+from lab3_usd import hooks
 from lab3_usd.commands.shared.options import (
     ReportOptions,
     ViewOptions,
@@ -184,7 +184,7 @@ def _grade(report: Report) -> GradeSummary | None:
         SpecError: the rubric of the lab is wrong.
         UsageError: there are several submissions.
     """
-    return features.grade_of(report, load_lab())
+    return hooks.grade_of(report, load_lab())
 
 
 def write_report(text: str, output: str | None) -> None:

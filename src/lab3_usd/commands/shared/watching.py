@@ -15,7 +15,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd import features
+from lab3_usd import hooks
 from lab3_usd.commands.shared.options import ReportOptions, understands_ansi
 from lab3_usd.commands.shared.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
@@ -335,7 +335,7 @@ class _Session:
         """Replace the live page with a plain report."""
         if self._page is not None and self._version:
             page = self._watched.render(self._whole())
-            features.end_live_page(page, self._page)
+            hooks.end_live_page(page, self._page)
 
     @property
     def _page(self) -> Path | None:
@@ -406,14 +406,14 @@ class _Session:
         """Show what is new first, then the report."""
         page = self._page
         if page is not None and not self._version:
-            features.refuse_foreign_script(page)
+            hooks.refuse_foreign_script(page)
         self._version += 1
         output, form = self._options.output, self._options.form
         if output is None and form == "text" and understands_ansi(sys.stdout):
             click.clear()
         text = self._watched.render(self._whole())
         if page is not None:
-            features.write_live_page(text, page, self._version)
+            hooks.write_live_page(text, page, self._version)
         elif output is not None:
             write_report(text, output)
         is_data = output is None and form != "text"

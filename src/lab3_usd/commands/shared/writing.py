@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 from msgspec import Struct
 
-from lab3_usd import features
+from lab3_usd import hooks
 from lab3_usd.commands.shared.options import Option, all_of, recorded
 from lab3_usd.commands.shared.paths import OutputRepair
 from lab3_usd.errors import Lab3Error, UsageError
@@ -72,7 +72,7 @@ def diffs(files: Mapping[Path, bytes], states: Mapping[Path, FileState]) -> Iter
     for path, data in files.items():
         old = states[path].content
         if not (data.startswith(_TEXT) or is_script_file(path)):
-            yield from (f"{line}\n" for line in features.changes_to(path, data))
+            yield from (f"{line}\n" for line in hooks.changes_to(path, data))
             continue
         before, after = (lines_of(content.decode()) for content in (old, data))
         names = _name_in_patch("a", path), _name_in_patch("b", path)

@@ -4,41 +4,37 @@ from __future__ import annotations
 
 import importlib
 
-from msgspec import Struct
-
 from lab3_usd.errors import UsageError
+from lab3_usd.hooks import Format, features
 from lab3_usd.model.finding import Report
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import truncated_report
 
-
-class Format(Struct, frozen=True):
-    """One output format: the module below `report` that renders it, and what it is for.
-
-    `manual` says that the renderer quotes the rules' manuals, so that they are worth importing.
-    """
-
-    module: str
-    purpose: str
-    manual: bool = False
-    changes: bool = False
-
-
 # A module is imported when its format is asked for: checking one file stays fast.
-FORMATS: dict[str, Format] = {
-    "text": Format("formats.text", "for people, on a terminal or in a file"),
-    "concise": Format("formats.concise", "one line for each finding, for editors"),
-    "json": Format("formats.json_report", "for programs; schema/report-2.json"),
-    "jsonl": Format("formats.jsonl", "one JSON object for each finding"),
-    "sarif": Format("formats.sarif", "SARIF 2.1.0, for code scanning", manual=True, changes=True),
-    "junit": Format("formats.junit", "JUnit XML, for Jenkins and its kind"),
-    "github": Format("formats.github", "annotations of GitHub Actions"),
-    "gitlab": Format("formats.gitlab", "GitLab Code Quality"),
-    "gradescope": Format("formats.gradescope", "results of a Gradescope autograder"),
-    "csv": Format("formats.csv_report", "one row for each finding, for spreadsheets"),
-    "markdown": Format("formats.markdown", "tables, for pull requests and wikis"),
-    "html": Format("html.report_page", "one self-contained page", manual=True),
+_OF_THE_CORE: dict[str, Format] = {
+    "text": Format("lab3_usd.report.formats.text", "for people, on a terminal or in a file"),
+    "concise": Format("lab3_usd.report.formats.concise", "one line for each finding, for editors"),
+    "json": Format("lab3_usd.report.formats.json_report", "for programs; schema/report-2.json"),
+    "jsonl": Format("lab3_usd.report.formats.jsonl", "one JSON object for each finding"),
+    "sarif": Format(
+        "lab3_usd.report.formats.sarif", "SARIF 2.1.0, for code scanning", manual=True, changes=True
+    ),
+    "junit": Format("lab3_usd.report.formats.junit", "JUnit XML, for Jenkins and its kind"),
+    "github": Format("lab3_usd.report.formats.github", "annotations of GitHub Actions"),
+    "gitlab": Format("lab3_usd.report.formats.gitlab", "GitLab Code Quality"),
+    "csv": Format(
+        "lab3_usd.report.formats.csv_report", "one row for each finding, for spreadsheets"
+    ),
+    "markdown": Format("lab3_usd.report.formats.markdown", "tables, for pull requests and wikis"),
 }
+
+
+def all_formats() -> dict[str, Format]:
+    """Return every format by its name: those of the core, then those of features."""
+    known = dict(_OF_THE_CORE)
+    for feature in features():
+        known |= feature.formats
+    return known
 
 
 def format_named(name: str) -> Format:
@@ -47,9 +43,10 @@ def format_named(name: str) -> Format:
     Raises:
         UsageError: there is no such format; the message lists those there are.
     """
-    entry = FORMATS.get(name)
+    entry = _OF_THE_CORE.get(name) or all_formats().get(name)
     if entry is None:
-        raise UsageError(f"there is no format '{name}'; the formats are {', '.join(FORMATS)}")
+        known = ", ".join(all_formats())
+        raise UsageError(f"there is no format '{name}'; the formats are {known}")
     return entry
 
 
@@ -59,7 +56,7 @@ def module_of(name: str) -> str:
     Raises:
         UsageError: there is no such format.
     """
-    return f"lab3_usd.report.{format_named(name).module}"
+    return format_named(name).module
 
 
 def render(

@@ -11,7 +11,6 @@ from rosbags.serde import SerdeError
 
 from lab3_usd.model.dry_run import Affine, heading, rotation
 from lab3_usd.model.occupancy import OccupancyMap
-from lab3_usd.sim.bag.writer import STEERING, STORE
 from lab3_usd.sim.execution.recording import (
     JointStates,
     Odometry,
@@ -20,6 +19,7 @@ from lab3_usd.sim.execution.recording import (
     Transform,
     View,
 )
+from lab3_usd.sim.ros_messages import STEERING, STORE
 
 _NANOSECONDS = 1e9
 MOST_NAMES = 2000  # frames, goals, joints

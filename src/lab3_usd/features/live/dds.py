@@ -25,10 +25,10 @@ from msgspec.structs import replace
 from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
-from lab3_usd.sim.bag.writer import JOINTS, STEERING, STORE, TWIST, serialized
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import JointStates, Message, Profile, Steering
 from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Twist
+from lab3_usd.sim.ros_messages import JOINTS, STEERING, STORE, TWIST, serialized
 from lab3_usd.sim.timeline import Player, unknown_in
 
 _OF: Any = types  # the library types no subscripts of its own

@@ -26,13 +26,13 @@ from msgspec.structs import replace
 from places import REPOSITORY
 from pxr import Sdf, Usd
 
-from lab3_usd.commands.sim import closing_lines
 from lab3_usd.errors import UsageError
+from lab3_usd.features.live.sim_live import closing_lines
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.bag.writer import JOINTS, STEERING, serialized
 from lab3_usd.sim.execution.recording import JointStates, Message, Profile, Steering, Transform
 from lab3_usd.sim.execution.world import STATIC
 from lab3_usd.sim.robots import expected_of, robots_of
+from lab3_usd.sim.ros_messages import JOINTS, STEERING, serialized
 from lab3_usd.sim.timeline import Player, player_of
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
@@ -43,8 +43,8 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
-from lab3_usd.sim import live as link_module
-from lab3_usd.sim.live import DdsLink, Lived, play_live, wire_type
+from lab3_usd.features.live import dds as link_module
+from lab3_usd.features.live.dds import DdsLink, Lived, play_live, wire_type
 
 TRIED = itertools.count()
 PEERS = Path(__file__).parent / "live_peer"

@@ -14,12 +14,6 @@ import click
 from msgspec import Struct
 
 from lab3_usd.commands.shared.configuration import asset_places
-from lab3_usd.commands.shared.grading import (
-    BoundOptions,
-    ExportOptions,
-    bound_options,
-    export_options,
-)
 from lab3_usd.commands.shared.options import (
     assets_option,
     echo_folded,
@@ -38,6 +32,12 @@ from lab3_usd.commands.shared.paths import (
 )
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
+from lab3_usd.features.grade.grading import (
+    BoundOptions,
+    ExportOptions,
+    bound_options,
+    export_options,
+)
 
 if TYPE_CHECKING:
     from lab3_usd.grade.class_run import ClassSettings

@@ -12,7 +12,6 @@ from msgspec import Struct
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import assets_option, given_words, recorded, text_or_json
 from lab3_usd.commands.shared.paths import Input
-from lab3_usd.commands.shared.requests import kind_and_stage, request_options
 from lab3_usd.commands.shared.writing import (
     WritingOptions,
     check_ways,
@@ -23,6 +22,7 @@ from lab3_usd.commands.shared.writing import (
 )
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
+from lab3_usd.features.author.requests import kind_and_stage, request_options
 from lab3_usd.files import refuse_existing, refuse_shared, write_whole
 from lab3_usd.installation import command_line
 

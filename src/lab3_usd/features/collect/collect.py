@@ -21,7 +21,7 @@ def command(script: Path, *, force: bool) -> None:
     diagnostic command of the handout in the folder (`results` in the bundled lab) where `lab3
     check` reads it.
     """
-    from lab3_usd.deliverables.scripts import collect_script
+    from lab3_usd.features.collect.script import collect_script
     from lab3_usd.files import write_whole
     from lab3_usd.spec.load.loader import load_lab
 

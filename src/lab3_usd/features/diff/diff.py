@@ -9,7 +9,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from msgspec.structs import replace
 
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
@@ -20,8 +19,8 @@ from lab3_usd.commands.shared.options import (
     text_or_json,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
-from lab3_usd.errors import EXIT_FOUND, unwritten
-from lab3_usd.files import make_folder, refuse_existing, temporary_beside, write_whole
+from lab3_usd.errors import EXIT_FOUND
+from lab3_usd.files import make_folder, refuse_existing, write_whole
 
 if TYPE_CHECKING:
     from lab3_usd.diff import Comparison
@@ -86,29 +85,6 @@ def command(
         click.echo("\n".join(diff.lines(comparison.diff, terminal_width())))
     if comparison.diff.changes:
         sys.exit(EXIT_FOUND)
-
-
-def changes_to(path: Path, content: bytes) -> Iterator[str]:
-    """Yield the differences between a stage and what it would hold, as `lab3 diff` prints them.
-
-    Raises:
-        StageError: one of them cannot be opened.
-        UsageError: nothing can be written beside the stage, whose references the copy needs.
-    """
-    from lab3_usd.diff import compare_stages
-    from lab3_usd.report import diff
-    from lab3_usd.spec.load.loader import load_lab
-
-    try:
-        copy = temporary_beside(path, path.suffix)
-    except OSError as error:
-        raise unwritten(path, error) from error
-    try:
-        copy.write_bytes(content)
-        compared = compare_stages(path, copy, load_lab()).diff
-    finally:
-        copy.unlink(missing_ok=True)
-    yield from diff.lines(replace(compared, after="repaired"), terminal_width())
 
 
 def _pictures(comparison: Comparison) -> Iterator[tuple[str, Picture]]:

@@ -12,8 +12,8 @@ pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed"
 import numpy as np
 
 from lab3_usd.sim.bag.decoder import IMAGE, MOST_RAYS, Decoded, decode, header
-from lab3_usd.sim.bag.writer import STORE
 from lab3_usd.sim.execution.recording import Transform, View
+from lab3_usd.sim.ros_messages import STORE
 
 TYPES = STORE.types
 HEAD = TYPES["std_msgs/msg/Header"](TYPES["builtin_interfaces/msg/Time"](3, 500_000_000), "odom")

@@ -41,7 +41,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
         for name, *sessions in zip(_NAMES, *driven.values(), strict=True)
     ]
     return fill_template(
-        "play.py.j2",
+        Path(__file__).with_name("play.py.j2"),
         program=program(),
         title=lab.title,
         script=script.name,

@@ -20,7 +20,6 @@ from lab3_usd.commands.shared.options import (
     width,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFile
-from lab3_usd.commands.shared.requests import kind_and_stage, request_options
 from lab3_usd.commands.shared.writing import (
     WritingOptions,
     check_ways,
@@ -31,6 +30,7 @@ from lab3_usd.commands.shared.writing import (
 )
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
+from lab3_usd.features.author.requests import kind_and_stage, request_options
 from lab3_usd.files import refuse_existing, refuse_shared, temporary_beside, write_whole
 from lab3_usd.installation import command_line
 

@@ -1,0 +1,15 @@
+"""The differences between two stages."""
+
+from lab3_usd.hooks import Command, Feature
+
+FEATURE = Feature(
+    commands={
+        "diff": Command(
+            "any stage of Isaac Sim",
+            "List the differences between two stages.",
+            ("lab3 diff BEFORE.usda AFTER.usda",),
+            "lab3_usd.features.diff.diff",
+        ),
+    },
+    answers={"changes_to": "lab3_usd.features.diff.repaired"},
+)

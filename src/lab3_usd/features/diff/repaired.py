@@ -1,0 +1,34 @@
+"""The differences that a repair makes in a stage that is no text: `lab3 fix --diff`."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from pathlib import Path
+
+from msgspec.structs import replace
+
+from lab3_usd.commands.shared.options import terminal_width
+from lab3_usd.diff import compare_stages
+from lab3_usd.errors import unwritten
+from lab3_usd.files import temporary_beside
+from lab3_usd.report import diff
+from lab3_usd.spec.load.loader import load_lab
+
+
+def changes_to(path: Path, content: bytes) -> Iterator[str]:
+    """Yield the differences between a stage and what it would hold, as `lab3 diff` prints them.
+
+    Raises:
+        StageError: one of them cannot be opened.
+        UsageError: nothing can be written beside the stage, whose references the copy needs.
+    """
+    try:
+        copy = temporary_beside(path, path.suffix)
+    except OSError as error:
+        raise unwritten(path, error) from error
+    try:
+        copy.write_bytes(content)
+        compared = compare_stages(path, copy, load_lab()).diff
+    finally:
+        copy.unlink(missing_ok=True)
+    yield from diff.lines(replace(compared, after="repaired"), terminal_width())

@@ -1,0 +1,18 @@
+"""The dry run: plays a stage without Isaac Sim."""
+
+from lab3_usd.hooks import Command, Feature
+
+FEATURE = Feature(
+    commands={
+        "sim": Command(
+            "any stage of Isaac Sim",
+            "Play a stage without Isaac Sim, and judge its messages.",
+            (
+                "lab3 sim STAGE.usda",
+                "lab3 sim STAGE.usda --page sim.html",
+            ),
+            "lab3_usd.features.sim.sim",
+        ),
+    },
+    answers={"effects_of": "lab3_usd.sim.effects", "with_dry_run": "lab3_usd.features.sim.notes"},
+)

@@ -1,0 +1,130 @@
+"""`lab3 sim`: play a stage without Isaac Sim, and say what it does."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+import click
+
+from lab3_usd.commands.shared.configuration import use_config
+from lab3_usd.commands.shared.options import (
+    assets_option,
+    color_option,
+    complete_checkpoints,
+    isaac_option,
+    recorded,
+    text_or_json,
+)
+from lab3_usd.commands.shared.paths import Input, MapInput, OutputReport
+from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
+from lab3_usd.features.sim.additions import SimAddition, SimOptions, additions_to_sim
+
+if TYPE_CHECKING:
+    from lab3_usd.model.finding import Finding
+    from lab3_usd.spec.lab import Lab
+
+
+@click.command("sim")
+@click.argument("stage", type=Input(path_type=Path))
+@click.option(
+    "--checkpoint",
+    metavar="NN",
+    shell_complete=complete_checkpoints,
+    help="Judge at this checkpoint.",
+)
+@click.option(
+    "--drive",
+    type=Input(),
+    metavar="FILE|LEGS",
+    help='The drive: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
+)
+@click.option("--topic", metavar="NAME", help="Drive only the robots that subscribe to this topic.")
+@click.option(
+    "--maps",
+    type=MapInput(path_type=Path),
+    help="The map, or its folder, to compare the scan with (localization).",
+)
+@text_or_json
+@color_option
+@isaac_option
+@assets_option
+@click.option("--page", type=OutputReport(path_type=Path), help="Write an HTML page to this file.")
+@recorded("asked", SimOptions)
+@additions_to_sim
+def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> None:
+    """Play a stage without Isaac Sim, drive its robot, and judge the messages of ROS.
+
+    The graphs of STAGE are executed as they are wired, by functions written from the published
+    source of Isaac Sim 6.0.1; the robot moves by exact kinematics. The checkpoint in the file name
+    decides what is required. A stage without one is judged by its own content: each robot is driven
+    by its own commands.
+
+    Exit status: 0 all right, or nothing to run yet, 1 a fault or not judged, 2 unreadable or wrong
+    usage, 3 the program itself failed.
+    """
+    # pxr and the specs are slow to import, and `lab3 --help` needs neither.
+    from lab3_usd.commands.shared.options import checkpoint_number
+    from lab3_usd.pipeline.any_stage import lab_in_release
+    from lab3_usd.pipeline.stage import checkpoint_of
+    from lab3_usd.spec.load.loader import load_lab
+
+    use_config(stage, asked.assets)
+    lab = load_lab()
+    numbers = [*lab.checkpoints]
+    given = asked.checkpoint
+    named = checkpoint_of(stage.name, lab) or ""
+    checkpoint = named if given is None else checkpoint_number(given, numbers)
+    topic = asked.topic or ""
+    if checkpoint and topic:
+        raise UsageError(f"--topic {topic}: at checkpoint {checkpoint} commands have a topic")
+    if asked.release is not None:
+        lab = lab_in_release(lab, asked.release, checkpoint)
+    for addition in added:
+        addition.refuse(asked)
+    if not any(addition.plays_instead(stage, lab, checkpoint, topic) for addition in added):
+        sys.exit(_judge(stage, lab, checkpoint, asked, added))
+
+
+def _judge(
+    stage: Path,
+    lab: Lab,
+    checkpoint: str,
+    asked: SimOptions,
+    added: tuple[SimAddition, ...],
+) -> int:
+    """Play a stage, write what was asked for, and return the exit code."""
+    from lab3_usd.commands.shared.options import wants_color, width
+    from lab3_usd.report.behaviour import text
+    from lab3_usd.sim.dry_run import dry_run
+
+    run = dry_run(stage, lab, checkpoint, asked.drive, asked.topic or "", asked.maps)
+    behaviour = run.behaviour
+    findings: tuple[Finding, ...] = ()
+    if any(check.verdict != "ok" for check in behaviour.checks):
+        from lab3_usd.pipeline.stage import JudgeSettings, check_stage, lint_stage
+
+        # What fails in the dry run, the rules know to explain and to repair.
+        settings = JudgeSettings(release=lab.platform.release)
+        if checkpoint:
+            findings = check_stage(stage, checkpoint, lab).findings
+        else:
+            findings = lint_stage(stage, settings).findings
+    if asked.page is not None:
+        from lab3_usd.files import write_whole
+        from lab3_usd.report.behaviour.page import render
+
+        html = render(behaviour, run.replays, lab, findings)
+        write_whole(asked.page, html.encode("utf-8", "replace"), force=True)
+    is_json = asked.form == "json"
+    if is_json:
+        click.echo(text.render_json(behaviour, findings), nl=False)
+    else:
+        shown = text.render(behaviour, width(), findings, color=wants_color())
+        click.echo(shown, nl=False, color=True)
+    for addition in added:
+        for line in addition.lines_after(run, lab, asked.drive):
+            click.echo(line, err=is_json)
+    exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
+    return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)
