@@ -115,6 +115,30 @@ def test_a_layer_with_wires_and_targets_is_opened(tmp_path: Path) -> None:
     assert open_stage(path).GetPrimAtPath("/a")
 
 
+def jumps(data: bytes) -> int:
+    """Where the last of the three tables of paths begins, behind their sizes."""
+    place = {name: begin for name, _, begin in sections(data)}[b"PATHS"] + 16
+    for _ in range(2):
+        place += 8 + struct.unpack_from("<Q", data, place)[0]
+    return place + 8
+
+
+@pytest.mark.parametrize("back", [1, 2, 4])
+def test_a_path_whose_next_one_lies_behind_the_last_is_refused(back: int) -> None:
+    begin = jumps(layer())
+    end = begin + struct.unpack_from("<Q", layer(), begin - 8)[0]
+    damaged = bytearray(layer())
+    damaged[end - back] ^= 0x80  # of the last differences, which are -1
+    assert refused(bytes(damaged))
+
+
+def test_a_child_in_a_package_that_is_no_prim_is_damage(tmp_path: Path) -> None:
+    path = tmp_path / "stage.usdz"
+    path.write_bytes(packed({"a.usdc": changed(layer(), BEGIN_OF_VALUES + 8, 0)}))
+    with pytest.raises(StageError, match=r"stage\.usdz: cannot be read: it is damaged"):
+        open_stage(path)
+
+
 def test_a_whole_layer_is_not() -> None:
     counts = entry_counts(io.BytesIO(layer()))
     assert counts[b"SPECS"] > 40

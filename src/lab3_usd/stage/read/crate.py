@@ -31,10 +31,10 @@ _MOST_LARGER = 255  # times, by LZ4
 _GOES_ON = 15  # in LZ4: the length has more bytes
 _MOST_NUMBERS = 4 * _MOST_LARGER  # in a byte: a number takes two bits before that
 SPECS = b"SPECS"
-_FIELDS = b"FIELDS"
+_FIELDS, _PATHS = b"FIELDS", b"PATHS"
 # Numbers with which each section begins before the sizes of its parts; the first is how many
 # entries it has.
-_COUNTS = {_FIELDS: 1, b"FIELDSETS": 1, b"PATHS": 2, SPECS: 1}
+_COUNTS = {_FIELDS: 1, b"FIELDSETS": 1, _PATHS: 2, SPECS: 1}
 _TOKENS, _STRINGS = b"TOKENS", b"STRINGS"
 _KNOWN = {_TOKENS, _STRINGS, *_COUNTS}
 
@@ -60,6 +60,11 @@ class _Part(Struct, frozen=True):
         """Return what stands there in it."""
         self.file.seek(self.inner(begin, form.size).begin)
         return form.unpack(self.file.read(form.size))
+
+    def bytes(self) -> bytes:
+        """Return all of it."""
+        self.file.seek(self.begin)
+        return self.file.read(self.size)
 
     def number(self, begin: int) -> int:
         """Return a number of 8 bytes."""
@@ -106,6 +111,8 @@ def _entry_counts(layer: _Part) -> dict[bytes, int]:
                 _check_section(section, name)
             if name == _FIELDS and is_known:
                 _check_lists(layer, section, (version[0], version[1]))
+            elif name == _PATHS and is_known:
+                _check_tree(section)
     except struct.error as error:  # the file was cut meanwhile
         raise StageError(DAMAGED) from error
     return counts
@@ -137,6 +144,8 @@ def _check_section(section: _Part, name: bytes) -> None:
 # A value of a field, in 8 bytes: bits that say how it is kept, its type, where it lies.
 _IS_LIST, _IS_INLINE, _PLACE = 1 << 63, 1 << 62, (1 << 48) - 1
 _NUMBERED_LISTS = {40: 4, 41: 4, 48: 8, 49: 16, 50: 4}  # type of a vector, bytes of an entry
+_DIFFERENCES = (0, 1, 2, 4)  # bytes of a difference between integers
+_MOST_PATHS = 1 << 14  # in a table that is looked at; to unpack more would take long
 _MOST_PACKED = 1 << 15  # bytes; a table of more is not unpacked here, which would take long
 _SHAPED, _LONG = (0, 5), (0, 7)  # versions: until here a list has a rank, from here 8 bytes of size
 
@@ -152,8 +161,9 @@ def _check_lists(layer: _Part, fields: _Part, version: tuple[int, int]) -> None:
     packed = fields.inner(at + _NUMBER.size, fields.number(at))
     if packed.size > _MOST_PACKED or not count:
         return
-    packed.file.seek(packed.begin)
-    values = _unpacked(packed.file.read(packed.size), count * _NUMBER.size)
+    values = _unpacked(packed.bytes(), count * _NUMBER.size)
+    if len(values) != count * _NUMBER.size:
+        raise StageError(DAMAGED)
     for (value,) in _NUMBER.iter_unpack(values):
         kind, place = value >> 48 & 0xFF, value & _PLACE
         if value & _IS_INLINE or not place:
@@ -171,14 +181,75 @@ def _check_lists(layer: _Part, fields: _Part, version: tuple[int, int]) -> None:
             raise StageError(DAMAGED)
 
 
-def _unpacked(packed: bytes, size: int) -> bytes:
-    """Unpack one block of LZ4, which stands behind a zero, to so many bytes.
+def _check_tree(paths: _Part) -> None:
+    """Refuse a table of paths that is no tree: usd-core follows it without end, or out of it.
+
+    A path has a jump: 0 for a sibling behind it, -1 for a child, the way to a sibling behind its
+    children, and -2 for a leaf at the end.
+
+    Raises:
+        StageError: a path is reached twice, or lies behind the last one.
+    """
+    room, count, at = paths.number(0), paths.number(_NUMBER.size), 2 * _NUMBER.size
+    if count > _MOST_PATHS:
+        return
+    tables = []
+    for _ in range(3):  # the place of each path, its name, its jump
+        packed = paths.inner(at + _NUMBER.size, paths.number(at))
+        tables.append(_integers(packed.bytes(), count))
+        at += _NUMBER.size + packed.size
+    places, _, jumps = tables
+    reached = bytearray(count)
+    waiting = [0] if count else []
+    while waiting:
+        path = waiting.pop()
+        while True:
+            if path >= count or reached[path]:
+                raise StageError(DAMAGED)
+            reached[path] = 1
+            jump = jumps[path]
+            if jump > 0:
+                waiting.append(path + jump)
+            if jump < -1:
+                break
+            path += 1
+    if len(set(places)) < count or min(places, default=0) < 0 or max(places, default=0) >= room:
+        raise StageError(DAMAGED)
+
+
+def _integers(packed: bytes, count: int) -> list[int]:
+    """Unpack integers: each is the one before it and a difference.
+
+    Four differences have a byte that says of each whether it is the usual one, or takes 1, 2 or 4
+    bytes (OpenUSD's pxr/usd/sdf/integerCoding.cpp).
+
+    Raises:
+        StageError: they are not so many.
+    """
+    codes = 4 + (2 * count + 7) // 8
+    plain = _unpacked(packed, codes + 4 * count)
+    numbers, at, number = [], codes, 0
+    usual = int.from_bytes(plain[:4], "little", signed=True)
+    if len(plain) < codes:
+        raise StageError(DAMAGED)
+    for index in range(count):
+        size = _DIFFERENCES[plain[4 + index // 4] >> 2 * (index % 4) & 3]
+        number += int.from_bytes(plain[at : at + size], "little", signed=True) if size else usual
+        at += size
+        numbers.append(number)
+    if at != len(plain):
+        raise StageError(DAMAGED)
+    return numbers
+
+
+def _unpacked(packed: bytes, most: int) -> bytes:
+    """Unpack one block of LZ4, which stands behind a zero, to at most so many bytes.
 
     Several blocks, which only a table of gigabytes has, are not unpacked. Of the format: a byte has
     two lengths, of what follows as it is and of what stood before; 15 goes on in the next bytes.
 
     Raises:
-        StageError: it is no such block, or is of another size.
+        StageError: it is no such block, or has more.
     """
     plain, at = bytearray(), 1
     try:
@@ -194,13 +265,13 @@ def _unpacked(packed: bytes, size: int) -> bytes:
             back = packed[at] | packed[at + 1] << 8
             again, at = _length(packed, at + 2, lengths & _GOES_ON)
             begin, again = len(plain) - back, again + 4
-            if not 0 <= begin < len(plain) or len(plain) + again > size:
+            if not 0 <= begin < len(plain) or len(plain) + again > most:
                 raise StageError(DAMAGED)
             repeated = plain[begin : begin + again]
             plain += (repeated * (again // len(repeated) + 1))[:again]
     except IndexError as error:
         raise StageError(DAMAGED) from error
-    if len(plain) != size:
+    if len(plain) > most:
         raise StageError(DAMAGED)
     return bytes(plain)
 

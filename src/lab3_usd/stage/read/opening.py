@@ -17,7 +17,7 @@ from pxr import Sdf, Tf, Usd
 from lab3_usd.data import program
 from lab3_usd.errors import StageError
 from lab3_usd.files import is_script_file
-from lab3_usd.stage.read.crate import CRATE, DAMAGED, SPECS, check_binary, entry_counts
+from lab3_usd.stage.read.crate import CRATE, DAMAGED, PACKAGE, SPECS, check_binary, entry_counts
 from lab3_usd.stage.read.properties import hold_start_values
 
 _T = TypeVar("_T")
@@ -43,6 +43,7 @@ _WIDE = (
 )
 _ASSETS = re.compile(rb"@([^@\n]+)@")
 _MOST_SEARCHED = 20_000  # specs, a tenth of a second
+_LARGEST_SEARCHED = 20_000_000  # bytes of a package
 # What a file of 0 bytes is, as far as anybody can tell.
 PLACEHOLDER = "a placeholder of OneDrive or iCloud, or a failed save; hand in the file itself"
 
@@ -271,23 +272,45 @@ def check_layers_below(path: Path) -> None:
 
 
 def _assets_of(layer: Path) -> Iterable[str]:
+    """Return what a layer leads to; a package leads to nothing but its own layers.
+
+    Raises:
+        StageError: a binary layer names a child that is no prim, at which usd-core would end.
+    """
     with layer.open("rb") as file:
         start = file.read(len(CRATE))
         if start.startswith(TEXT):
             names = _ASSETS.findall(start + file.read())
             return [name.decode("utf-8", "replace") for name in names]
+        if start.startswith(PACKAGE):
+            for name in _layers_in(layer):
+                _whole_layer(f"{layer}[{name}]")
+            return ()
         if start != CRATE or entry_counts(file).get(SPECS, 0) > _MOST_SEARCHED:
             return ()
-    opened: Any = Sdf.Layer.FindOrOpen(str(layer))
-    if opened is None:
-        return ()
+    opened = _whole_layer(str(layer))
+    return () if opened is None else list(opened.GetCompositionAssetDependencies())
+
+
+def _layers_in(package: Path) -> list[str]:
+    """Return the layers of a package, none of a large one."""
+    files: Any = None
+    if package.stat().st_size <= _LARGEST_SEARCHED:
+        files = Sdf.ZipFile.Open(str(package))
+    names = files.GetFileNames() if files else ()
+    return [name for name in names if Path(name).suffix.lower() in ENDINGS]
+
+
+def _whole_layer(name: str) -> Any:
+    """Open a layer, None where that fails, and look whether each child is a prim."""
+    opened: Any = Sdf.Layer.FindOrOpen(name)
     paths: list[Sdf.Path] = []
-    opened.Traverse(Sdf.Path.absoluteRootPath, paths.append)
+    if opened is not None:
+        opened.Traverse(Sdf.Path.absoluteRootPath, paths.append)
     named = (path for path in paths if not path.IsTargetPath())  # a target is no object of its own
-    if not all(map(opened.GetObjectAtPath, named)):  # at which usd-core would end
+    if not all(map(opened.GetObjectAtPath, named)):
         raise StageError(DAMAGED)
-    assets: list[str] = opened.GetCompositionAssetDependencies()
-    return assets
+    return opened
 
 
 def _other_ending(path: Path, start: bytes) -> StageError:
