@@ -20,6 +20,7 @@ from lab3_usd.model.stage import GraphModel, PortState, StageModel, UnresolvedAs
 from lab3_usd.stage.read.reader import read_stage
 from lab3_usd.stage.write.builder import build_checkpoint
 
+TF = ("/tf", "/tf_static")
 RAW_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.RAW].type.type
 TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
 COMPUTE_TYPE = m.lab().graphs[m.ODOM_TF].nodes[m.COMPUTE].type.type
@@ -124,7 +125,7 @@ def test_a_name_wired_from_two_constants_is_unknown() -> None:
     ends = (f"{node.path}.inputs:value" for node in (one, two))
     sender = m.wired(graph.nodes[0], "inputs:childFrameId", *ends)
     stage = m.only(m.graph("/Graph/tf", sender, graph.nodes[1], one, two))
-    assert unknown_publishers(stage) == ("/Graph/tf/sender",)
+    assert unknown_publishers(TF, stage) == ("/Graph/tf/sender",)
 
 
 def test_a_computed_name_is_unknown() -> None:
@@ -134,7 +135,7 @@ def test_a_computed_name_is_unknown() -> None:
     sender = m.wired(graph.nodes[0], "inputs:childFrameId", source)
     stage = m.only(m.graph("/Graph/tf", sender, graph.nodes[1], product))
     assert edges(stage) == ()
-    assert unknown_publishers(stage) == ("/Graph/tf/sender",)
+    assert unknown_publishers(TF, stage) == ("/Graph/tf/sender",)
 
 
 def test_a_generic_publisher_of_transforms_is_unknown() -> None:
@@ -144,9 +145,9 @@ def test_a_generic_publisher_of_transforms_is_unknown() -> None:
     )  # fmt: skip
     generic = m.wired(generic, "inputs:execIn", "/Graph/tf/tick.outputs:tick")
     graph = m.graph("/Graph/tf", generic, m.node("/Graph/tf/tick", TICK_TYPE))
-    assert unknown_publishers(m.only(graph)) == ("/Graph/tf/any",)
+    assert unknown_publishers(TF, m.only(graph)) == ("/Graph/tf/any",)
     other = m.valued(generic, "inputs:messageName", "String")
-    assert unknown_publishers(m.only(m.graph("/Graph/tf", other, graph.nodes[1]))) == ()
+    assert unknown_publishers(TF, m.only(m.graph("/Graph/tf", other, graph.nodes[1]))) == ()
 
 
 # ---- what runs
@@ -244,7 +245,7 @@ def test_arrays_from_a_node_that_is_not_known_to_compute_frames_are_unknown() ->
     for port in ("parentFrames", "childFrames"):
         publish = m.wired(publish, f"inputs:{port}", f"{array.path}.outputs:array")
     stage = m.with_node(m.with_node(stage, array), publish)
-    assert unknown_publishers(stage) == (publish.path,)
+    assert unknown_publishers(TF, stage) == (publish.path,)
 
 
 def with_written_frames(*places: tuple[float, float, float]) -> StageModel:
@@ -262,7 +263,7 @@ def with_written_frames(*places: tuple[float, float, float]) -> StageModel:
 def test_frames_that_are_written_into_a_publisher_are_its_transforms() -> None:
     stage = with_written_frames((0.0, 0.0, 1.0), (0.0, 0.0, 2.0))
     assert pairs(stage)[1:] == [("base_footprint", "mast"), ("mast", "lamp")]
-    assert unknown_publishers(stage) == ()
+    assert unknown_publishers(TF, stage) == ()
 
 
 def test_written_arrays_of_different_lengths_send_nothing() -> None:
@@ -315,7 +316,7 @@ def asset_at(stage: StageModel, *places: str) -> StageModel:
 
 
 def hidden(stage: StageModel) -> list[tuple[str, str]]:
-    return [(frame.what, frame.parent) for frame in unresolved_frames(stage)]
+    return [(frame.what, frame.parent) for frame in unresolved_frames(TF, stage)]
 
 
 def test_a_target_that_a_missing_asset_could_hold_is_unknown() -> None:

@@ -6,6 +6,7 @@ Each solution passes, and each single mistake is found once, in the words of the
 from __future__ import annotations
 
 import csv
+import json
 import re
 import shutil
 from collections.abc import Callable, Sequence
@@ -374,3 +375,24 @@ def test_a_bag_of_a_checkpoint_says_that_joints_are_commanded_in_another_play(
     topic = run.behaviour.robots[0].topic
     *_, last = record_run(run, run.trial, lab, tmp_path / "bag", None)
     assert last == f"  commands on {topic} come in another play: not recorded"
+
+
+def test_a_joint_that_is_deleted_from_a_folder_of_joints_is_found_once(
+    described: tuple[list[Path], Path], tmp_path: Path
+) -> None:
+    stages, folder = described
+    starter, stage = tmp_path / "starter.usda", tmp_path / stages[0].name
+    layer = Sdf.Layer.FindOrOpen(str(stages[0]))
+    for path, names in ((starter, JOINTS), (stage, JOINTS[1:])):
+        copy = Sdf.Layer.CreateAnonymous(".usda")
+        copy.TransferContent(layer)
+        home = Sdf.CreatePrimInLayer(copy, f"{ROBOT}/joints")
+        home.specifier, home.typeName = Sdf.SpecifierDef, "Scope"
+        for name in names:
+            Sdf.CopySpec(layer, f"{ROBOT}/{name}", copy, f"{ROBOT}/joints/{name}")
+        for name in JOINTS:
+            del copy.GetPrimAtPath(ROBOT).nameChildren[name]
+        copy.Export(str(path))
+    told = invoke("--lab", folder, "check", "--starter", starter, stage, "--format", "json").output
+    found = [each["rule"] for each in json.loads(told)["results"][0]["findings"]]
+    assert found == ["S26"]

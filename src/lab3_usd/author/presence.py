@@ -15,9 +15,8 @@ from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.graph import Graph
 from lab3_usd.isaac.graph import Node as Planned
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.isaac.topics import resolved_topic
+from lab3_usd.isaac.topics import TRANSFORMS, resolved_topic
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.qos import TRANSFORMS
 from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
 
 

@@ -31,8 +31,8 @@ from lab3_usd.facts.frames import (
     Edge,
     HeardTree,
     all_edges,
+    edges_on,
     frames_in,
-    published_edges,
     trees_of,
     unknown_publishers,
     unresolved_frames,
@@ -43,6 +43,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
+from lab3_usd.spec.contradictions.names import transform_topics
 from lab3_usd.spec.graph import NodeSpec, Target
 
 
@@ -71,6 +72,11 @@ class TfView(Struct, frozen=True, eq=False):
         """The release of Isaac Sim that the lab is for."""
         return self.subject.lab.platform
 
+    @property
+    def topics(self) -> frozenset[str]:
+        """The topics on which the lab has its transforms."""
+        return transform_topics(self.subject.lab)
+
     def is_guarded(self, edge: Edge) -> bool:
         """Whether no stage may publish a transform: its frame has no place, or it is forbidden."""
         frames = self.subject.lab.frames
@@ -93,7 +99,7 @@ class TfView(Struct, frozen=True, eq=False):
         """Whether who listens to the lab's transforms never hears these."""
         sent_by_roles = any({e.cause, e.publisher} & {*self.role_specs} for e in heard.tree.edges)
         is_here = self.is_heard(heard.tree.edges[0].domain)
-        return not sent_by_roles and not (is_here and heard.topic in self.platform.ros.tree_topics)
+        return not sent_by_roles and not (is_here and heard.topic in self.topics)
 
     def is_heard(self, domain: Domain) -> bool:
         """Whether the lab listens in a domain: in its own, or in one that its nodes publish in."""
@@ -117,7 +123,7 @@ class TfView(Struct, frozen=True, eq=False):
     def message_frames(self) -> Iterator[MessageFrame]:
         """Yield the frames of messages that no rule of nodes or settings finds fault with."""
         subject = self.subject
-        if unknown_publishers(self.stage):
+        if unknown_publishers(self.topics, self.stage):
             return
         extra = [node for roles in subject.roles.values() for node in roles.extra]
         for named in message_frames(self.stage):
@@ -188,7 +194,8 @@ def _is_as_meant(edge: Edge, view: TfView) -> bool:
 @once_per_stage
 def _heard_domains(subject: StageSubject) -> frozenset[str]:
     """Return the domains that the lab listens in: its own, and those its nodes publish in."""
-    roles, edges = role_specs(subject), published_edges(subject.stage)
+    roles = role_specs(subject)
+    edges = edges_on(transform_topics(subject.lab), subject.stage)
     by_roles = (edge.domain for edge in edges if edge.cause in roles or edge.publisher in roles)
     names = (domain_name(domain, subject) for domain in by_roles)
     return frozenset([str(subject.lab.ros.system.domain), *names])
@@ -197,10 +204,10 @@ def _heard_domains(subject: StageSubject) -> frozenset[str]:
 @once_per_stage
 def tf_view(subject: StageSubject) -> TfView:
     """Compute what the frame rules look at."""
-    stage, _lab, children = subject.stage, subject.lab, dict[str, list[Edge]]()
-    heard = _heard_domains(subject)
+    stage, children = subject.stage, dict[str, list[Edge]]()
+    topics, heard = transform_topics(subject.lab), _heard_domains(subject)
     edges = tuple(
-        edge for edge in published_edges(stage) if domain_name(edge.domain, subject) in heard
+        edge for edge in edges_on(topics, stage) if domain_name(edge.domain, subject) in heard
     )
     for edge in edges:
         children.setdefault(edge.child, []).append(edge)
@@ -211,7 +218,7 @@ def tf_view(subject: StageSubject) -> TfView:
         live_nodes(stage),
         running_nodes(stage),
         role_specs(subject),
-        unresolved_frames(stage),
+        unresolved_frames(topics, stage),
     )
 
 

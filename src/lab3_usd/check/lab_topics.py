@@ -9,8 +9,8 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import LintSubject, StageSubject
 from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.endpoints import Endpoint, endpoints, resolve
+from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.finding import Place
-from lab3_usd.model.qos import TRANSFORMS
 from lab3_usd.model.stage import once_per_stage
 
 if TYPE_CHECKING:

@@ -6,7 +6,7 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -30,9 +30,8 @@ from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.facts.stuck_nodes import working_nodes, working_states
 from lab3_usd.facts.tree import Tree, tree
 from lab3_usd.isaac.node_types import TfPorts
+from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
-
-_STATIC = "_static"  # what the topic of transforms that never change has more
 
 
 class Edge(Struct, frozen=True):
@@ -109,17 +108,20 @@ def all_edges(stage: StageModel) -> tuple[Edge, ...]:
 @once_per_stage
 def published_edges(stage: StageModel) -> tuple[Edge, ...]:
     """Return the transforms on the topics that tf2 listens to by itself."""
-    own = stage.platform.ros.tree_topics
-    return tuple(edge for edge in all_edges(stage) if edge.topic in own)
+    return edges_on(stage.platform.ros.tree_topics, stage)
 
 
-def unknown_publishers(stage: StageModel) -> tuple[str, ...]:
-    """Return the nodes that publish, as `published_edges`, frames that no stage defines."""
-    own = stage.platform.ros.tree_topics
+def edges_on(topics: Container[str], stage: StageModel) -> tuple[Edge, ...]:
+    """Return the transforms on some topics."""
+    return tuple(edge for edge in all_edges(stage) if edge.topic in topics)
+
+
+def unknown_publishers(topics: Container[str], stage: StageModel) -> tuple[str, ...]:
+    """Return the nodes that publish, on some topics, frames that no stage defines."""
     return tuple(
         sent.publisher.path
         for sent in published_transforms(stage)
-        if sent.edges is None and sent.topic in own
+        if sent.edges is None and sent.topic in topics
     )
 
 
@@ -128,11 +130,10 @@ def all_unresolved_frames(stage: StageModel) -> tuple[UnresolvedFrames, ...]:
     return tuple(hidden for sent in published_transforms(stage) for hidden in sent.hidden)
 
 
-def unresolved_frames(stage: StageModel) -> tuple[UnresolvedFrames, ...]:
-    """Return the frames that only a missing asset could tell, as `published_edges`."""
-    own = stage.platform.ros.tree_topics
+def unresolved_frames(topics: Container[str], stage: StageModel) -> tuple[UnresolvedFrames, ...]:
+    """Return the frames on some topics that only a missing asset could tell."""
     hidden = all_unresolved_frames(stage)
-    return tuple(frames for frames in hidden if frames.topic in own)
+    return tuple(frames for frames in hidden if frames.topic in topics)
 
 
 def certain_edges(edges: Iterable[Edge]) -> list[Edge]:
@@ -185,7 +186,7 @@ def trees_of(edges: Iterable[Edge]) -> tuple[HeardTree, ...]:
     """
     heard: dict[tuple[str, str], list[Edge]] = {}
     for edge in edges:
-        topic = edge.topic.removesuffix(_STATIC)
+        topic = edge.topic.removesuffix(STATIC)
         heard.setdefault((edge.domain.name, topic), []).append(edge)
     return tuple(HeardTree(*key, tree(sent)) for key, sent in heard.items())
 

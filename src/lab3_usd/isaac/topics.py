@@ -7,6 +7,8 @@ from functools import lru_cache
 
 from lab3_usd.isaac.node_types import INPUT, NodeType
 
+TRANSFORMS = "tf2_msgs/msg/TFMessage"
+STATIC = "_static"  # what the topic of transforms that never change has more
 PRODUCT = f"{INPUT}renderProductPath"
 _ENDS = r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$"
 

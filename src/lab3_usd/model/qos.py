@@ -12,8 +12,9 @@ from typing import Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.isaac.topics import TRANSFORMS
+
 Direction = Literal["publishes", "subscribes"]
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
 UNKNOWN, SYSTEM_DEFAULT = "unknown", "system_default"
 TELEOP, LISTENER = "a default publisher (teleop, Nav2)", "tf2_ros.TransformListener"
 

@@ -17,7 +17,13 @@ from lab3_usd.errors import UsageError
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.new_lab.yaml_text import document
-from lab3_usd.spec.contradictions.names import FRAME_FIELDS, GraphTopic, graph_topics, value_of
+from lab3_usd.spec.contradictions.names import (
+    FRAME_FIELDS,
+    GraphTopic,
+    graph_topics,
+    transform_topics,
+    value_of,
+)
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab
 from lab3_usd.spec.load.checkpoints import FORMAT, is_checkpoint_id
@@ -399,7 +405,7 @@ def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, An
         entry["handout"] = lab.graphs[first.graph].handout
         if not publishers:
             entry |= {"subscribed": True, "source": _SOURCE}
-        elif name not in lab.platform.ros.tree_topics:
+        elif name not in transform_topics(lab):
             entry["publishers"] = publishers
             frames = {topic.frames for topic in same if not topic.is_subscribed}
             fields = dict(zip(FRAME_FIELDS, frames.pop() if len(frames) == 1 else (), strict=False))

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import UsageError, unwritten
 from lab3_usd.facts.endpoints import namespaces_above
 from lab3_usd.facts.frame_targets import frame_name
-from lab3_usd.facts.frames import published_edges
+from lab3_usd.facts.frames import edges_on
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.prims import upwards
@@ -50,7 +50,7 @@ from lab3_usd.new_lab.scene import (
 )
 from lab3_usd.new_lab.starter import describe_starter
 from lab3_usd.new_lab.yaml_text import document
-from lab3_usd.spec.contradictions.names import graph_frames, named_frames
+from lab3_usd.spec.contradictions.names import graph_frames, named_frames, transform_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.load.lab import parse_scene
@@ -276,7 +276,7 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
 def _published(stage: StageModel, lab: Lab) -> set[tuple[str, str]]:
     """Return the transforms of the lab that a stage publishes."""
     known = {frame.child for frame in graph_frames(lab)}
-    edges = published_edges(stage)
+    edges = edges_on(transform_topics(lab), stage)
     return {(edge.parent, edge.child) for edge in edges if edge.child in known}
 
 
@@ -337,7 +337,7 @@ def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
     known = {frame.child for frame in given}
     edges = {
         edge.child: (edge.parent, edge.child)
-        for edge in published_edges(stage)
+        for edge in edges_on(transform_topics(lab), stage)
         if edge.child in known and edge.parent != edge.child
     }
     for graph_frame in given:

@@ -26,13 +26,15 @@ class Setting(Struct, frozen=True):
 class Target(Struct, frozen=True):
     """The prims that one relationship of a node must name, in the order of the handout.
 
-    `handout_prims` are those of the handout where they do not work in a stage and `prims` do.
+    `handout_prims` are those of the handout where they do not work in a stage and `prims` do. The
+    `optional` ones may be named as well: sensors of a checkpoint that may be left out.
     """
 
     port: str
     prims: tuple[str, ...]
     handout: str
     handout_prims: tuple[str, ...] = ()
+    optional: tuple[str, ...] = ()
 
 
 class Variable(GraphVariable, frozen=True):

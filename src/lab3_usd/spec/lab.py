@@ -345,15 +345,41 @@ def _same_demands(lab: Lab, checkpoint: str) -> Checkpoint:
 @lru_cache(maxsize=64)
 def _at(lab: Lab, checkpoint: str) -> Lab:
     reached = ("", *lab.reached(checkpoint))
+    skipped = _skipped_sensors(lab, checkpoint)
     graphs = {}
     for name, graph in lab.graphs.items():
         later = [role for role, node in graph.nodes.items() if node.since not in reached]
         there = graph.without(later) if later else graph
-        earlier = {role: _values_at(lab, node, checkpoint) for role, node in there.nodes.items()}
+        earlier = {
+            role: _without_targets(_values_at(lab, node, checkpoint), skipped)
+            for role, node in there.nodes.items()
+        }
         if any(earlier[role] is not node for role, node in there.nodes.items()):
             there = replace(there, nodes=earlier)
         graphs[name] = there
-    return lab if graphs == lab.graphs else replace(lab, graphs=graphs)
+    frames = {lab.frame_of(path) for path in skipped}
+    edges = tuple(edge for edge in lab.frames.edges if frames.isdisjoint(edge))
+    if graphs == lab.graphs and len(edges) == len(lab.frames.edges):
+        return lab
+    return replace(lab, graphs=graphs, frames=replace(lab.frames, edges=edges))
+
+
+def _skipped_sensors(lab: Lab, checkpoint: str) -> tuple[str, ...]:
+    """Return the paths of the sensors of earlier checkpoints that may have been left out."""
+    there = lab.checkpoints[checkpoint].sensors
+    added = lab.added_until(checkpoint).difference(there)
+    return tuple(sensor.path for name, sensor in lab.sensors.items() if name in added)
+
+
+def _without_targets(node: NodeSpec, prims: Collection[str]) -> NodeSpec:
+    """Return a node whose lists of targets may name some prims, and need not."""
+    targets = []
+    for target in node.targets:
+        kept = tuple(prim for prim in target.prims if prim not in prims)
+        optional = tuple(prim for prim in target.prims if prim in prims)
+        is_changed = bool(kept and optional)
+        targets.append(replace(target, prims=kept, optional=optional) if is_changed else target)
+    return node if targets == [*node.targets] else replace(node, targets=tuple(targets))
 
 
 def _values_at(lab: Lab, node: NodeSpec, checkpoint: str) -> NodeSpec:

@@ -72,8 +72,8 @@ def targets_handout_prims(node: Node, target: Target) -> bool:
 
 
 def targets_prims(node: Node, target: Target, prims: Sequence[str]) -> bool:
-    """Whether the relationship names exactly these prims, in any order."""
-    return set(node.targets(target.port)) == set(prims)
+    """Whether the relationship names exactly these prims, in any order, beside optional ones."""
+    return set(node.targets(target.port)).difference(target.optional) == set(prims)
 
 
 def wrong_product(

@@ -127,8 +127,9 @@ def sensor_candidates(lab: Lab, stage: StageModel, name: str) -> Iterator[Prim]:
     """Yield the prims of the scene that could be meant as the sensor."""
     spec = lab.sensors[name]
     robot = lab.scene.robot_of(spec.path)
+    carriers = () if robot is None else (robot.path, *robot.link_paths)
     for prim in stage.of_type(spec.type):
-        if prim.present:
+        if prim.present and prim.path not in carriers:
             is_on_robot = robot is not None and is_at_or_below(prim.path, robot.path)
             is_known = spec.recognised == ANYWHERE or is_on_robot
             if is_known or (prim.name == spec.name and is_used_by_graph(stage, prim)):

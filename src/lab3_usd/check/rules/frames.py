@@ -297,7 +297,7 @@ def unknown_frames(view: TfView) -> Iterator[Problem]:
     it.
     """
     subject = view.subject
-    for path in unknown_publishers(subject.stage):
+    for path in unknown_publishers(view.topics, subject.stage):
         yield Problem(
             path,
             "publishes transforms between frames that the stage does not define",

@@ -30,6 +30,7 @@ from lab3_usd.model.stage import (
     StageModel,
     once_per_stage,
 )
+from lab3_usd.spec.contradictions.names import transform_topics
 from lab3_usd.spec.graph import NodeSpec
 from lab3_usd.spec.lab import Lab
 
@@ -232,7 +233,7 @@ def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpo
     """Return where an extra node publishes a topic of the lab, and where another node does."""
     asked = _topics_asked(subject.lab)
     if subject.checkpoint.frames:
-        asked -= {*subject.lab.platform.ros.tree_topics}  # which the rules of frames judge
+        asked -= transform_topics(subject.lab)  # which the rules of frames judge
     by_node, by_topic = _published(subject.stage)
     pairs = [
         (own, other)

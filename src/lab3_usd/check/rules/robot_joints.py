@@ -68,11 +68,18 @@ def described_joint(subject: RobotSubject) -> Iterator[Problem]:
     for name, spec in subject.robot.joints.items():
         prim = find_joint(subject.stage, subject.robot.path, name)
         if prim is None or not prim.present:
-            place = f"{subject.robot.path}/{name}" if prim is None else prim.path
+            place = f"{_home(subject)}/{name}" if prim is None else prim.path
             reason = absence_reason(subject.stage, place)
             yield _absent(subject, (name,), place, f"{name} {reason}")
         else:
             yield from _wrong_values(prim, name, spec, subject)
+
+
+def _home(subject: RobotSubject) -> str:
+    """Return the prim that holds the first joint of a robot which is there, else the robot."""
+    robot = subject.robot
+    found = (find_joint(subject.stage, robot.path, name) for name in robot.joints)
+    return next((joint.parent for joint in found if joint is not None), robot.path)
 
 
 def _absent(subject: RobotSubject, names: tuple[str, ...], place: str, message: str) -> Problem:

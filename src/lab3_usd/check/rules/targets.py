@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
@@ -22,7 +22,7 @@ from lab3_usd.check.match.conformance import (
 from lab3_usd.check.match.rule_inputs import GraphSubject
 from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.check.repairs import edits_at, edits_in_stage
-from lab3_usd.model.finding import Problem, display, format_paths
+from lab3_usd.model.finding import MOST_ITEMS, Problem, display, format_paths
 from lab3_usd.model.stage import Node
 from lab3_usd.spec.graph import NodeSpec, Target
 
@@ -47,6 +47,16 @@ def _problem(subject: GraphSubject, node: Node, target: Target, message: str) ->
         f"pick {format_paths(target.prims)}",
         fix=edits_at(subject, f"{node.path}.{target.port}"),
     )
+
+
+def _difference(actual: Sequence[str], target: Target) -> str:
+    """Say what a relationship names instead of the prims asked for; of long lists what differs."""
+    if max(len(actual), len(target.prims)) <= MOST_ITEMS:
+        return f"is {format_paths(tuple(actual))}, expected {format_paths(target.prims)}"
+    lacking = tuple(prim for prim in target.prims if prim not in actual)
+    foreign = tuple(prim for prim in actual if prim not in (*target.prims, *target.optional))
+    said = {"lacks": lacking, "names, and should not,": foreign}
+    return "; ".join(f"{verb} {format_paths(prims)}" for verb, prims in said.items() if prims)
 
 
 def _awaits_its_sensor(subject: GraphSubject, node: Node, target: Target) -> bool:
@@ -97,10 +107,7 @@ def wrong_target(subject: GraphSubject) -> Iterator[Problem]:
         if _awaits_its_sensor(subject, node, target):
             continue  # the sensor is to be moved back, and then it is the target
         if actual and not target_matches(node, target):
-            message = (
-                f"{target.port} is {format_paths(actual)}, expected {format_paths(target.prims)}"
-            )
-            yield _problem(subject, node, target, message)
+            yield _problem(subject, node, target, f"{target.port} {_difference(actual, target)}")
         if targets_handout_prims(node, target):
             root = format_paths(target.prims)
             message = (

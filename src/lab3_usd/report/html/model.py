@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from urllib.parse import quote
@@ -18,7 +18,7 @@ from lab3_usd.facts.frames import (
     Edge,
     all_edges,
     all_unresolved_frames,
-    published_edges,
+    edges_on,
     unknown_publishers,
     unresolved_frames,
 )
@@ -40,6 +40,7 @@ from lab3_usd.report.pictures.graph_picture import linted_pictures, stage_pictur
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
 from lab3_usd.report.tf_tree import TreeReport, as_text
 from lab3_usd.report.topic_table import TopicReport, cells
+from lab3_usd.spec.contradictions.names import transform_topics
 from lab3_usd.spec.lab import Checkpoint, Lab
 
 
@@ -63,8 +64,9 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         return None
     checkpoint = lab.checkpoints.get(result.checkpoint or "")
     try:
-        edges, hidden = _heard(model, every=checkpoint is None)
-        unknown = unknown_publishers(model)
+        topics = model.platform.ros.tree_topics if checkpoint is None else transform_topics(lab)
+        edges, hidden = _heard(model, () if checkpoint is None else topics)
+        unknown = unknown_publishers(topics, model)
         reserved = lab.frames.reserved if result.checkpoint else {}
         tree = TreeReport(result.path, edges, unknown, reserved, hidden)
         pictures = (
@@ -72,11 +74,11 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
             if checkpoint is None
             else _pictures(lab, checkpoint, model, result.findings)
         )
-        topics = TopicReport(result.path, endpoints(model), edges, hidden)
+        sent = TopicReport(result.path, endpoints(model), edges, hidden)
         return StageContent(
             pictures=tuple(pictures),
             tree=tuple(as_text(tree)),
-            topics=tuple(tuple(cells(endpoint, topics)) for endpoint in topics.endpoints),
+            topics=tuple(tuple(cells(endpoint, sent)) for endpoint in sent.endpoints),
         )
     except StageError:  # it is damaged where no rule has looked
         return None
@@ -96,12 +98,12 @@ def _pictures(
 
 
 def _heard(
-    model: StageModel, *, every: bool
+    model: StageModel, topics: Collection[str]
 ) -> tuple[tuple[Edge, ...], tuple[UnresolvedFrames, ...]]:
-    """Return the transforms and unknown frames of /tf, or those of `every` topic."""
-    if every:
+    """Return the transforms and unknown frames of some topics, of all where none is named."""
+    if not topics:
         return all_edges(model), all_unresolved_frames(model)
-    return published_edges(model), unresolved_frames(model)
+    return edges_on(topics, model), unresolved_frames(topics, model)
 
 
 class PortLink(Struct, frozen=True):

@@ -15,7 +15,7 @@ from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.facts.frames import (
     all_edges,
     all_unresolved_frames,
-    published_edges,
+    edges_on,
     unresolved_frames,
 )
 from lab3_usd.model.finding import Finding, Severity
@@ -48,6 +48,7 @@ from lab3_usd.report.pictures.node_boxes import (
     reference_roles,
 )
 from lab3_usd.report.pictures.tf_picture import frames_picture, published_frames_picture
+from lab3_usd.spec.contradictions.names import transform_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -331,7 +332,8 @@ def stage_pictures(
     if checkpoint is None:
         yield from _published_trees(stage)
         return
-    edges, hidden = published_edges(stage), unresolved_frames(stage)
+    topics = transform_topics(lab)
+    edges, hidden = edges_on(topics, stage), unresolved_frames(topics, stage)
     has_tree, localized = checkpoint.frames, checkpoint.localization
     if edges or hidden or has_tree:
         yield frames_picture(lab.frames, edges, hidden, required=has_tree, localized=localized)

@@ -1,11 +1,11 @@
-"""Domains of ROS that the graphs of a lab and its system do not share."""
+"""Domains that the graphs of a lab and its system do not share, and variables they do not have."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.spec.contradictions.names import LabFault, file_of, value_of
+from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest, value_of
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import ROS, Lab
 
@@ -44,3 +44,20 @@ def _without_context(graph: GraphSpec, places: Mapping[object, str]) -> Iterator
             message = "nothing is wired to it: the domain is that of ROS_DOMAIN_ID"
             place = next(iter(places.values()))
             yield LabFault(file_of(graph), f"{node.role}: {_CONTEXT}", message, place, "warning")
+
+
+def variable_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield the nodes that name a variable which their graph does not have."""
+    for graph in lab.graphs.values():
+        known = [variable.name for variable in graph.variables]
+        for node in graph.nodes.values():
+            port = next(iter(node.type.variable), "")
+            if not port or any(wire.target.port == port for wire in graph.wires_into(node.role)):
+                continue
+            name = value_of(node, port)
+            if name not in known:
+                likely = nearest(str(name), known)
+                hint = f"; did you mean '{likely}'?" if likely else ""
+                message = f"names '{name}', and the graph has no such variable{hint}"
+                key = f"{node.role}: {port.partition(':')[2]}"
+                yield LabFault(file_of(graph), key, message, "variables", "warning")

@@ -4,12 +4,20 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Iterator
+from functools import lru_cache
 from typing import Literal
 
 from msgspec import Struct
 
 from lab3_usd.isaac.node_types import INPUT, KIND
-from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
+from lab3_usd.isaac.topics import (
+    STATIC,
+    TRANSFORMS,
+    frame_ports,
+    product_input,
+    resolved_topic,
+    topic_switch,
+)
 from lab3_usd.isaac.values import Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
@@ -108,21 +116,13 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
             )
 
 
-def variable_faults(lab: Lab) -> Iterator[LabFault]:
-    """Yield the nodes that name a variable which their graph does not have."""
-    for graph in lab.graphs.values():
-        known = [variable.name for variable in graph.variables]
-        for node in graph.nodes.values():
-            port = next(iter(node.type.variable), "")
-            if not port or any(wire.target.port == port for wire in graph.wires_into(node.role)):
-                continue
-            name = value_of(node, port)
-            if name not in known:
-                likely = nearest(str(name), known)
-                hint = f"; did you mean '{likely}'?" if likely else ""
-                message = f"names '{name}', and the graph has no such variable{hint}"
-                key = f"{node.role}: {_short(port)}"
-                yield LabFault(file_of(graph), key, message, "variables", "warning")
+@lru_cache(maxsize=64)
+def transform_topics(lab: Lab) -> frozenset[str]:
+    """Return the topics of the lab's transforms: those of its graphs, else those of tf2 itself."""
+    topics = {topic.name for topic in graph_topics(lab) if topic.type == TRANSFORMS}
+    moving = {topic.removesuffix(STATIC) for topic in topics}
+    twins = {f"{topic}{STATIC}" for topic in moving}
+    return frozenset(moving | twins or lab.platform.ros.tree_topics)
 
 
 def _frames_of_topic(graph: GraphSpec, node: NodeSpec, topic: str) -> Iterator[str]:

@@ -11,7 +11,7 @@ from msgspec import to_builtins
 from lab3_usd.data import program
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.spec.contradictions.domains import domain_faults
+from lab3_usd.spec.contradictions.domains import domain_faults, variable_faults
 from lab3_usd.spec.contradictions.names import (
     LabFault,
     file_of,
@@ -19,7 +19,6 @@ from lab3_usd.spec.contradictions.names import (
     misspelled,
     nearest,
     topic_faults,
-    variable_faults,
 )
 from lab3_usd.spec.contradictions.scene import KnownScene, scene_faults
 from lab3_usd.spec.graph import GraphSpec

@@ -1,0 +1,99 @@
+"""The second lab with transforms in a namespace, or with a milestone that may be left out."""
+
+from __future__ import annotations
+
+import shutil
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from invoking import invoke
+from places import REPOSITORY
+from pxr import Usd
+
+from lab3_usd.check.rules.targets import _difference
+from lab3_usd.model.finding import Finding
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.spec.graph import Target
+from lab3_usd.spec.load.loader import load_lab
+
+JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
+IMU = "/World/Jetbot/chassis/Imu"
+LINKS = "/World/Jetbot/Odometry/links"
+
+
+def edited(folder: Path, *edits: tuple[str, str, str]) -> Path:
+    """Copy the lab, replace texts in its files, and build its stages."""
+    shutil.copytree(JETBOT, folder)
+    for name, old, new in edits:
+        text = (folder / name).read_text()
+        assert old in text
+        (folder / name).write_text(text.replace(old, new))
+    made = invoke("--lab", folder, "build", "--out", folder / "built")
+    assert made.exit_code == 0, made.output
+    return folder
+
+
+def findings(folder: Path, name: str, change: Callable[[Usd.Stage], object]) -> list[Finding]:
+    """What is found in a built stage after a change."""
+    (path,) = (folder / "built").glob(f"*{name}.usda")
+    stage = Usd.Stage.Open(str(path))
+    change(stage)
+    stage.Save()
+    found = check_stage(path, lab=load_lab(folder)).findings
+    return [finding for finding in found if finding.severity != "note"]
+
+
+def nothing(_stage: Usd.Stage) -> None:
+    """Leave a stage as it is."""
+
+
+@pytest.fixture
+def namespaced(tmp_path: Path) -> Path:
+    """The lab with its transforms on /mm/tf."""
+    topic = ("Odometry.yaml", "topicName: /tf", "topicName: /mm/tf")
+    return edited(tmp_path / "lab", topic, ("ros.yaml", "/tf", "/mm/tf"))
+
+
+def test_transforms_in_a_namespace_are_published(namespaced: Path) -> None:
+    assert findings(namespaced, "odometry", nothing) == []
+
+
+def test_a_frame_that_nobody_sends_in_a_namespace_is_found(namespaced: Path) -> None:
+    def without_imu(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath(LINKS).GetRelationship("inputs:targetPrims").RemoveTarget(IMU)
+
+    (found,) = findings(namespaced, "odometry", without_imu)
+    assert (found.rule, "Imu" in found.message) == ("T01", True)
+
+
+@pytest.fixture
+def optional(tmp_path: Path) -> Path:
+    """The lab whose milestone with the IMU may be left out, where its target list is judged."""
+    may = ("checkpoints.yaml", "    title: Imu\n", "    title: Imu\n    optional: true\n")
+    return edited(tmp_path / "lab", may, ("Odometry.yaml", "    frames_from: [targetPrims]\n", ""))
+
+
+def test_the_sensor_of_a_milestone_that_was_left_out_is_not_asked_for(optional: Path) -> None:
+    assert findings(optional, "odometry", nothing) == []
+
+
+def test_the_sensor_of_an_optional_milestone_may_be_a_target(optional: Path) -> None:
+    def with_imu(stage: Usd.Stage) -> None:
+        stage.DefinePrim(IMU, "IsaacImuSensor")
+        stage.GetPrimAtPath(LINKS).GetRelationship("inputs:targetPrims").AddTarget(IMU)
+
+    assert findings(optional, "odometry", with_imu) == []
+
+
+def test_a_long_list_of_targets_is_told_by_what_differs() -> None:
+    asked = tuple(f"/World/Post_{number}" for number in range(20))
+    named = (*asked[:-1], "/World/Rack")
+    said = _difference(named, Target("inputs:targetPrims", asked, "A1"))
+    assert said == "lacks /World/Post_19; names, and should not, /World/Rack"
+
+
+def test_the_robot_is_no_sensor_of_its_own_type(tmp_path: Path) -> None:
+    plain = ("scene.yaml", "type: IsaacImuSensor", "type: Xform")
+    folder = edited(tmp_path / "lab", plain)
+    assert findings(folder, "drive", nothing) == []
