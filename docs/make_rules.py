@@ -36,6 +36,7 @@ FAMILY_TITLES = {
     "submission": "the folder as a whole",
     "unopened": "files that a grader leaves unopened",
     "lint": "any stage, without a lab (`lab3 lint`)",
+    "physics": "how robots stand, and what they start in, without a lab (`lab3 lint`)",
     "scripts": "Python scripts that build graphs: where they stop, or lose something",
     "native": "OpenUSD's own validators, with `--native`; `lab3 rules --all` lists their faults",
 }

@@ -29,7 +29,7 @@ RULES = list(all_rules().values())
 IN_CASES = [
     rule for rule in RULES if rule.family in GRAPH_FAMILIES and rule.id not in OF_OTHER_LABS
 ]
-OTHERS = ("K", "UV")  # see test_lint_rules.py and test_native.py
+OTHERS = ("K", "Y", "UV")  # see test_lint_rules.py and test_native.py
 ELSEWHERE = [rule for rule in RULES if rule not in IN_CASES and rule.family not in OTHERS]
 _NAMED = re.compile(r"['\"]([A-Z]\d\d)(?= |['\"])")
 

@@ -50,7 +50,7 @@ from scene_changes import (
     with_api,
     without_api,
 )
-from scene_sabotage import LIGHTS, scene_sabotage, turned_floor
+from scene_sabotage import LIGHTS, floor_of_mesh, scene_sabotage, turned_floor
 from scene_stages import built, findings_of, found_after, stage_rules, told, told_after
 
 from lab3_usd.check.requirements import demands_of, unmet_by
@@ -78,6 +78,8 @@ ELSEWHERE = {
     "L10",
     "L11",
     "S30",
+    "S32",
+    "S33",
 }
 
 
@@ -121,6 +123,9 @@ def test_each_fault_is_one_error_at_its_place(said: dict[str, list[Finding]]) ->
         ("wheel of no scene", "S28"),
         ("no physics", "S15"),
         ("lidar link moved", "S17"),
+        ("base joint excluded", "S11"),
+        ("base 1 mm below the wheels", "S31"),
+        ("floor that looks down", "S13"),
     ],
 )
 def test_a_fault_is_said_by_its_rule(name: str, rule: str, said: dict[str, list[Finding]]) -> None:
@@ -912,3 +917,41 @@ def wheels_of_a_missing_asset(stage: Usd.Stage) -> None:
 
 def test_what_a_prim_lacks_those_that_refer_to_it_may_lack() -> None:
     assert [each.rule for each in found_after("02", wheels_of_a_missing_asset)] == ["F02"]
+
+
+def test_a_floor_of_a_mesh_that_looks_up_is_ground() -> None:
+    assert told_after("02", floor_of_mesh("rightHanded")) == []
+
+
+def walled(ahead: float) -> Change:
+    """Put a wall of 20 cm before the robot, whose wheels reach 3.3 cm ahead of its base."""
+
+    def change(stage: Usd.Stage) -> None:
+        wall = UsdGeom.Cube.Define(stage, "/World/wall")
+        wall.CreateSizeAttr(0.2)
+        at = stage.GetPrimAtPath(ROBOT).GetAttribute(TRANSLATE).Get()
+        wall.AddTranslateOp().Set(Gf.Vec3d(at[0] + ahead + 0.1, at[1], 0.101))
+        UsdPhysics.CollisionAPI.Apply(wall.GetPrim())
+
+    return change
+
+
+def test_a_robot_inside_a_wall_is_told_once() -> None:
+    body = f"{ROBOT}/base_link/collisions/body"
+    assert told_after("02", walled(0.01)) == [("S32", body, None)]
+
+
+def test_a_wall_beside_a_robot_is_not_told() -> None:
+    assert told_after("02", walled(0.2)) == []
+
+
+def test_an_inertia_that_no_wheel_has_is_told() -> None:
+    wheel, name = f"{ROBOT}/wheel_left_link", "physics:diagonalInertia"
+    placeholder = author(wheel, name, "Float3", Gf.Vec3f(1, 1, 1))
+    assert told_after("02", placeholder) == [("S33", wheel, name)]
+
+
+def test_an_inertia_that_a_wheel_has_is_not_told() -> None:
+    wheel, name = f"{ROBOT}/wheel_left_link", "physics:diagonalInertia"
+    usual = author(wheel, name, "Float3", Gf.Vec3f(2e-5, 2e-5, 2e-5))
+    assert told_after("02", usual) == []

@@ -307,7 +307,7 @@ def listed_families(*options: object) -> set[str]:
 def test_rules_lists_what_the_lab_can_need() -> None:
     jetbot = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
     assert {*FAMILIES} - listed_families() == {"D", "UV"}
-    assert {*FAMILIES} - listed_families("--lab", jetbot) == {"B", "C", "M", "V", "K", "UV"}
+    assert {*FAMILIES} - listed_families("--lab", jetbot) == {"B", "C", "M", "V", "K", "Y", "UV"}
     shown = lab3("--lab", jetbot, "rules").stdout
     assert re.findall(r"(?i)camera|amcl|nav2|\bmap\b|localization", shown) == []
 

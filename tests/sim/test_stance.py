@@ -11,9 +11,10 @@ from foreign_robots import add_api, body, revolute, wheel
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from robot_kinds import mobile
 
-from lab3_usd.model.dry_run import Affine, Check
+from lab3_usd.model.dry_run import Affine, Check, about
 from lab3_usd.model.solids import Sizes, Solid, solid
 from lab3_usd.model.statics import Stand, standing
+from lab3_usd.physics.overlaps import depth_of
 
 ROBOT = "/World/Robot"
 BASE = f"{ROBOT}/base"
@@ -216,3 +217,38 @@ def test_an_inertia_that_no_wheel_has_is_not_judged(
     mass.CreateMassAttr(1.0)
     mass.CreateDiagonalInertiaAttr(Gf.Vec3f(inertia))
     assert follows(stage, tmp_path).verdict == verdict
+
+
+@pytest.mark.parametrize(("ahead", "verdict"), [(0.19, "not judged"), (1.2, "ok")])
+def test_what_a_wall_throws_out_is_not_judged(tmp_path: Path, ahead: float, verdict: str) -> None:
+    stage = floor(mobile(), indices=UP)
+    wall = UsdGeom.Cube.Define(stage, "/World/Wall")
+    wall.CreateSizeAttr(0.2)
+    wall.AddTranslateOp().Set(Gf.Vec3d(ahead, 0.2, 0.101))
+    UsdPhysics.CollisionAPI.Apply(wall.GetPrim())
+    assert follows(stage, tmp_path, "0.05,0,1").verdict == verdict
+
+
+def test_how_deep_a_ball_is_in_a_box_is_how_far_it_must_move() -> None:
+    box = solid("box", "Cube", Sizes(size=2.0), Affine())
+    apart = [1.4, 1.5, 1.6]
+    balls = [solid("b", "Sphere", Sizes(radius=0.5), Affine(origin=(x, 0.0, 0.0))) for x in apart]
+    depths = [depth_of(ball, box) for ball in balls if ball is not None and box is not None]
+    assert depths == pytest.approx([0.1, 0.0, 0.0])
+
+
+def test_a_ball_beside_the_edge_of_a_box_is_not_inside() -> None:
+    box = solid("box", "Cube", Sizes(size=2.0), Affine())
+    near = solid("ball", "Sphere", Sizes(radius=0.5), Affine(origin=(1.38, 1.38, 0.0)))
+    assert box is not None
+    assert near is not None
+    assert depth_of(near, box) == pytest.approx(0.0)
+
+
+def test_a_cylinder_is_round_for_what_stands_beside_it() -> None:
+    drum = solid("drum", "Cylinder", Sizes(radius=1.0, height=1.0), Affine())
+    turned = Affine(about((0.0, 0.0, 1.0), math.radians(45.0)), (1.38, 1.38, 0.0))
+    post = solid("post", "Cube", Sizes(size=2.0), turned)
+    assert drum is not None
+    assert post is not None
+    assert depth_of(drum, post) == pytest.approx(2.0 - 1.38 * math.sqrt(2), abs=1e-3)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 
-from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from scene_changes import (
     FLOOR,
     JOINTS,
@@ -123,11 +123,34 @@ def _bodies() -> list[Sabotage]:
         for link, size in zip(LINKS, _SIZES, strict=True)
     ]
     wheel, owner = f"{ROBOT}/wheel_left_link", "physics:simulationOwner"
+    skirt = f"{ROBOT}/base_link/skirt"
+    low = several(
+        define(skirt, "Cube"), author(skirt, "size", "Double", 0.022), with_api(skirt, _COLLISION)
+    )
     return [
         *found,
+        Sabotage("base 1 mm below the wheels", "02", low, (skirt, None)),
+        Sabotage("floor that looks down", "02", floor_of_mesh("leftHanded"), (_MESH, None)),
         Sabotage("base kinematic", "02", kinematic, site),
         Sabotage("wheel of no scene", "02", aim(wheel, owner, "/gone"), (wheel, owner)),
     ]
+
+
+_COLLISION, _MESH = "PhysicsCollisionAPI", "/Environment/GroundPlane/Mesh"
+
+
+def floor_of_mesh(orientation: str) -> Change:
+    """Put a mesh in the place of the ground's plane."""
+    corners = Vt.Vec3fArray([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)])
+    return several(
+        deactivate(FLOOR),
+        define(_MESH, "Mesh"),
+        author(_MESH, "points", "Point3fArray", corners),
+        author(_MESH, "faceVertexCounts", "IntArray", [4]),
+        author(_MESH, "faceVertexIndices", "IntArray", [0, 1, 2, 3]),
+        author(_MESH, "orientation", "Token", orientation),
+        with_api(_MESH, _COLLISION),
+    )
 
 
 _SIZES = [

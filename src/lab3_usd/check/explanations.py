@@ -58,7 +58,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "no-driven-robot": ("S07", ""),
     "kinematic-link": ("S05", "K82"),
     "base-fixed-to-world": ("S21", "K81"),
-    "no-gravity": ("S15", ""),
+    "no-gravity": ("S15", "Y03"),
     "no-ground": ("S13", ""),
     "no-wheel-contact": ("S19", ""),
     "tips-over": ("S19", ""),

@@ -15,7 +15,7 @@ from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.model.finding import NodeCoverage, NotJudged
 from lab3_usd.model.stage import OVER, nodes_outside_graphs
 
-import_rules("F", "K")
+import_rules("F", "K", "Y")
 
 
 def lint(subject: LintSubject) -> RuleResults:
@@ -28,7 +28,7 @@ def lint(subject: LintSubject) -> RuleResults:
     """
     try:
         files = run_rules(rules_of("model", "F"), (subject,), None)
-        stage = run_rules(rules_of("lint", "K"), (subject,), None)
+        stage = run_rules(rules_of("lint", "K", "Y"), (subject,), None)
         own = run_rules(own_rules().values(), (subject,), None)
         if subject.stage.build is not None:
             built = run_rules(rules_of("script", "B"), (subject,), None)

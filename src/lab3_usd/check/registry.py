@@ -65,6 +65,7 @@ FAMILIES = {
     "X": "submission",
     "Z": "unopened",
     "K": "lint",
+    "Y": "physics",
     "B": "scripts",
     "UV": "native",
 }
@@ -87,6 +88,7 @@ MODULES = {
         "wheel_drives",
         "world",
         "any_physics",
+        "any_stances",
     ),
     "L": ("lidar", "sensors", "any_sensors"),
     "C": ("camera", "sensors"),
@@ -125,6 +127,7 @@ MODULES = {
         "lint_sensor_frames",
         "lint_ownership",
     ),
+    "Y": ("any_stances",),
     "B": ("scripts",),
     "UV": ("native",),
 }

@@ -24,6 +24,7 @@ MAX_FORCE = "drive:angular:physics:maxForce"
 SCENE = "PhysicsScene"
 GRAVITY, GRAVITY_DIRECTION = "physics:gravityMagnitude", "physics:gravityDirection"
 TILT = 5.0  # degrees from which on a robot slides or rolls
+SLIDES_OFF = 20.0  # degrees from which on nothing stays on the ground
 EARTH = -1e9  # and below: the schema's own value, as a dry run reads it
 _LEAST, _MOST = 1.0, 30.0  # metres per second squared: less than the moon's, more than Jupiter's
 PLANE = "Plane"

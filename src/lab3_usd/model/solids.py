@@ -13,7 +13,7 @@ from operator import itemgetter
 
 from msgspec import Struct
 
-from lab3_usd.model.dry_run import Affine
+from lab3_usd.model.dry_run import Affine, ScenePrim
 from lab3_usd.model.transforms import Vector, cross, length, minus
 
 _RING = 16  # points of an upright disc
@@ -199,6 +199,20 @@ def solid(
     )
     axis = None if kind == "Capsule" else (along[0] / unit, along[1] / unit, along[2] / unit)
     return Solid(path, kind, ends, (r, 0.0 if kind == "Cone" else r), axis)
+
+
+def solid_of(prim: ScenePrim, at: Affine) -> Solid | None:
+    """Return the shape of a prim at a place, None for what is no solid."""
+    values = prim.values
+    names = ("size", "radius", "height", "axis")
+    sizes = Sizes(**{name: values[name] for name in names if values.get(name) is not None})
+    points: Sequence[Vector] = ()
+    if prim.type == "Mesh":
+        buffer = values.get("points")
+        if buffer is not None and buffer.nbytes:
+            flat = buffer.cast("B").cast(buffer.format).tolist()
+            points = list(zip(flat[::3], flat[1::3], flat[2::3], strict=True))
+    return solid(prim.path, prim.type, sizes, at, points)
 
 
 def _fewer(points: list[Vector]) -> list[Vector]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from functools import wraps
-from typing import Any, Literal, ParamSpec, TypeVar
+from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
 
 from msgspec import Struct, field
 from msgspec.structs import force_setattr
@@ -23,6 +23,9 @@ from lab3_usd.model.prims import (
     of_any_name,
     upwards,
 )
+
+if TYPE_CHECKING:
+    from lab3_usd.model.dry_run import Scene
 
 NOISE = 1e-6  # relative; the GUI writes float noise into doubles
 
@@ -288,7 +291,7 @@ class StageModel(Struct, frozen=True, eq=False):
     `products` the render products that nodes name, by path. `overridden` are prims that look like
     nodes, which the stage only overrides; they are read where an asset is missing.
     `old_types` are in the order in which Isaac Sim opens the stage. `build` is how a script made
-    the stage, None for a file.
+    the stage, None for a file; `scene` reads a file as a dry run does.
     """
 
     platform: Platform
@@ -310,6 +313,7 @@ class StageModel(Struct, frozen=True, eq=False):
     products: Mapping[str, RenderProduct] = field(default_factory=dict)
     old_types: tuple[OldType, ...] = ()
     build: Build | None = None
+    scene: Callable[[], Scene] | None = None
     derived: dict[Hashable, Any] = field(default_factory=dict)
     judged: dict[Hashable, Any] = field(default_factory=dict)
 

@@ -17,6 +17,7 @@ from lab3_usd.model.dry_run import AXES, Affine, Segment, about
 from lab3_usd.model.joint_drives import JointCommand
 from lab3_usd.model.traction import Pull
 from lab3_usd.model.transforms import Vector
+from lab3_usd.physics.overlaps import Overlap
 from lab3_usd.physics.surfaces import Surface, distance, height_at
 
 HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"
@@ -221,6 +222,7 @@ class Machine(Struct):
     carrier: tuple[str, str] | None = None  # what carries it in place of its wheels, and in words
     # What it stands on that is modelled as a wheel, or does not hold it, and may be neither.
     unclear: dict[str, str] = field(default_factory=dict)
+    inside: tuple[Overlap, ...] = ()  # what it is inside of where it starts
     smooth: str = ""  # a wheel that touches the ground and has no friction on it
     solve: list[tuple[float, float, float]] = field(default_factory=list)
     middle: tuple[float, float] = (0.0, 0.0)

@@ -10,7 +10,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import HERE, Affine, Scene
-from lab3_usd.model.physics import MASS, SCENE, TILT, is_felt, number, slant
+from lab3_usd.model.physics import MASS, SCENE, SLIDES_OFF, TILT, is_felt, number, slant
 from lab3_usd.model.statics import CONTACT, Stand
 from lab3_usd.model.traction import (
     MATERIAL_API,
@@ -25,7 +25,6 @@ from lab3_usd.physics.bodies import ROOT, Bodies, collides, of_another_scene
 from lab3_usd.physics.machine import (
     FIXED,
     HINGE,
-    Floor,
     Machine,
     Posture,
     Wheel,
@@ -33,35 +32,23 @@ from lab3_usd.physics.machine import (
 )
 from lab3_usd.physics.spots import Spot
 from lab3_usd.physics.stance import (
-    DENSITY,
     SPHERICAL,
     Contact,
     Stance,
     contacts,
     moment_of,
-    solid_of,
     stance_of,
 )
-from lab3_usd.physics.surfaces import Surface as GroundSurface
 from lab3_usd.physics.surfaces import cut, ground_of, height_at, is_mirrored, placed
+from lab3_usd.physics.surroundings import LEVEL, SKIRT, STEP_UP, note_obstacles, overlaps_of
 
-_SLIDES_OFF = (
-    20.0  # degrees by which gravity pulls aside, from which on nothing stays on the ground
-)
 _NOISE = 1e-5  # metres by which a robot may be above or below the ground at the start
 _LIGHT = 1e-3  # part of the weight that is too little to hold anything
 _HOLDS = 0.5  # part of what the wheels pull, from which on what drags may hold the robot
-STEP_UP = 0.05  # metres that the ground may be above a robot's origin
-SKIRT = 0.05  # metres above the ground at which walls stop a robot
-LEVEL = 1e-6  # metres between what carries a wheel and the ground
 PROMPT = 2.0  # metres a second squared, from which on a drive is taken to be at its speed at once
 SOON = 0.02  # seconds
 _TURNS_TYRE = 0.6  # part of what turns a tyre on the spot, below which a drive may not steer it
 _TURNS = (0.7, 1.3)  # of what the driven wheels can turn: what surely slides, and what surely holds
-_HEAVY = 0.5  # part of a robot's mass, from which on a body may stop it
-AROUND = 3.0  # metres in which others may be in the way
-STEP = 0.01  # metres that the ground may rise or fall
-_MANY_FACES = 5000  # of a mesh on which no step is looked for
 _SLIDES = 1e-4  # sideways for each unit that a wheel rolls, from which on it slides
 STILL = ((0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 
@@ -75,7 +62,7 @@ class Machines:
         self._bodies = Bodies(scene)
         self.bodies = self._bodies.prims
         self._elsewhere = of_another_scene(scene, self._bodies)
-        self._solid = {
+        self.solid = {
             prim.path: ground_of(prim, prim.world)
             for prim in scene.prims.values()
             if collides(prim) and self.body_of(prim.path) == "" and prim.path not in self._elsewhere
@@ -89,6 +76,8 @@ class Machines:
         self.stances: dict[str, Stance] = {}  # how each machine stands, by its base
         for machine in self.machines:
             self._set_down(machine)
+        for machine in self.machines:
+            self._look_inside(machine)
         self.reset()
 
     def reset(self) -> None:
@@ -205,7 +194,7 @@ class Machines:
             return
         unit = 1.0 / self.scene.meters_per_unit
         x, y, z = machine.start.origin
-        ground = height_at(self._solid.values(), x, y, z + STEP_UP * unit)
+        ground = height_at(self.solid.values(), x, y, z + STEP_UP * unit)
         if ground is None:
             machine.no_ground = self._no_ground(x, y, z + STEP_UP * unit)
         if ground is None and self.has_ground and not machine.held and machine.no_ground is None:
@@ -221,67 +210,21 @@ class Machines:
             home = ground + high - z
             is_level = machine.held or abs(home) < _NOISE * unit
             machine.home = 0.0 if is_level else home
-            machine.walls = cut(self._solid.values(), ground + SKIRT * unit)
+            machine.walls = cut(self.solid.values(), ground + SKIRT * unit)
             if machine.grounded:
                 self._stand(machine, stance, ground)
-                self._surround(machine, stance, ground)
+                note_obstacles(self, machine, stance, ground)
 
-    def _surround(self, machine: Machine, stance: Stance, ground: float) -> None:
-        """Note what stops a robot that drives: heavy bodies, steps, and where the ground ends."""
-        if not machine.wheels or machine.is_given_ground:
-            return
-        unit = 1.0 / self.scene.meters_per_unit
-        own = _HEAVY * sum(stance.masses.values())
-        here = machine.start.origin
-        for other in self.machines:
-            away = length(minus(here, other.start.origin))
-            if other is machine or away > AROUND * unit:
-                continue
-            surfaces = self._body_surfaces(other)
-            segments = cut(surfaces, ground + SKIRT * unit)
-            mass = sum(self._mass(body) for body in other.rest) if segments else 0.0
-            if mass > own:
-                machine.barriers[f"{other.base.rpartition('/')[2]} of {mass:.3g} kg"] = segments
-        low, high = ground - STEP * unit, ground + SKIRT * unit
-        near = {
-            path: surface
-            for path, surface in self._solid.items()
-            if surface.box[1][2] >= low and surface.box[0][2] <= high
-        }
-        planes = [s for path, s in near.items() if self.scene.prims[path].type == "Plane"]
-        is_flat = any(abs(plane.box[1][2] - ground) < LEVEL * unit for plane in planes)
-        small = [surface for surface in near.values() if len(surface.counts) <= _MANY_FACES]
-        if is_flat:
-            small = [s for s in small if ground + STEP * unit < s.box[1][2] <= high]
-        if small:
-            goes_on = is_flat or len(small) < len(near)
-            machine.floor = Floor(tuple(small), ground, unit, goes_on)
-
-    def _body_surfaces(self, machine: Machine) -> list[GroundSurface]:
-        """Return the surfaces of the shapes of a machine as they stand at the start."""
-        return [
-            placed(prim, prim.world)
-            for body in machine.rest
-            for prim in self.scene.below(body)
-            if collides(prim) and self.body_of(prim.path) == body
-        ]
-
-    def _mass(self, body: str) -> float:
-        """Return the mass of a body, by its shapes where none is written."""
-        mass = number(self.scene.prims[body].values.get(MASS)) or 0.0
-        if mass > 0:
-            return mass
-        shapes = (
-            solid_of(prim, prim.world)
-            for prim in self.scene.below(body)
-            if collides(prim) and self.body_of(prim.path) == body
-        )
-        volume = sum(shape.volume for shape in shapes if shape is not None)
-        return volume * self.scene.meters_per_unit**3 * DENSITY or 1.0
+    def _look_inside(self, machine: Machine) -> None:
+        """See whether a robot starts inside of something, which throws it out."""
+        machine.inside = tuple(overlaps_of(self, machine)) if machine.wheels else ()
+        for overlap in machine.inside:
+            text = f"it starts {100 * overlap.depth:.2g} cm inside {overlap.other}"
+            machine.unclear[overlap.own] = f"{text}, and is thrown out of there"
 
     def _no_ground(self, x: float, y: float, below: float) -> tuple[str, str] | None:
         """Return the shape that is below a place and carries nothing, and why; None for none."""
-        for path, surface in self._solid.items():
+        for path, surface in self.solid.items():
             if height_at((replace(surface, side=0),), x, y, below) is not None:
                 return path, "has its faces turned down: a mesh or a plane has one side"
         for path, why in self._elsewhere.items():
@@ -394,7 +337,7 @@ class Machines:
         pulls = sum(loads[path] * grip[path] for path in loads if path in driven)
         dragged = {path: loads[path] for path in loads if path not in {*rolling, *on_balls}}
         drags = sum(load * grip[path] for path, load in dragged.items())
-        if not dragged or drags < _HOLDS * pulls:
+        if not drags or drags < _HOLDS * pulls:
             return
         path, load = max(dragged.items(), key=itemgetter(1))
         whole = f"{100 * load:.0f} % of the weight"
@@ -424,7 +367,7 @@ class Machines:
         spots = [(x, y), *((x + u, y + v) for u, v in (wheel.contact for wheel in machine.wheels))]
         return [
             path
-            for path, surface in self._solid.items()
+            for path, surface in self.solid.items()
             if any(height_at((surface,), u, v, z + step) is not None for u, v in spots)
         ]
 
@@ -433,7 +376,7 @@ class Machines:
         (x, y), (u, v, _) = wheel.contact, machine.start.origin
         heights = {
             path: height_at((surface,), x + u, y + v, ground + LEVEL)
-            for path, surface in self._solid.items()
+            for path, surface in self.solid.items()
         }
         below = [path for path, at in heights.items() if at is not None and at >= ground - LEVEL]
         shapes = [
@@ -494,4 +437,4 @@ def is_pulled(scene: Scene) -> bool:
     Without one Isaac Sim makes one.
     """
     first = next((prim.values for prim in scene.prims.values() if prim.type == SCENE), {})
-    return is_felt(first, scene.meters_per_unit) and slant(first) <= _SLIDES_OFF
+    return is_felt(first, scene.meters_per_unit) and slant(first) <= SLIDES_OFF

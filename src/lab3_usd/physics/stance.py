@@ -7,9 +7,9 @@ from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
-from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim
+from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene
 from lab3_usd.model.physics import FAR, MASS, number, vector
-from lab3_usd.model.solids import Sizes, Solid, solid
+from lab3_usd.model.solids import Solid, solid_of
 from lab3_usd.model.statics import Stand, standing
 from lab3_usd.model.transforms import Vector, cross, dot, length, minus
 from lab3_usd.physics.bodies import Bodies, collides
@@ -67,20 +67,6 @@ def shapes_of(scene: Scene, bodies: Bodies, machine: Machine) -> dict[str, list[
                 shape = solid_of(prim, place.then(prim.world))
                 own += [shape] if shape is not None else []
     return found
-
-
-def solid_of(prim: ScenePrim, at: Affine) -> Solid | None:
-    """Return the shape of a prim at a place, None for what is no solid."""
-    values = prim.values
-    names = ("size", "radius", "height", "axis")
-    sizes = Sizes(**{name: values[name] for name in names if values.get(name) is not None})
-    points: Sequence[Vector] = ()
-    if prim.type == "Mesh":
-        buffer = values.get("points")
-        if buffer is not None and buffer.nbytes:
-            flat = buffer.cast("B").cast(buffer.format).tolist()
-            points = list(zip(flat[::3], flat[1::3], flat[2::3], strict=True))
-    return solid(prim.path, prim.type, sizes, at, points)
 
 
 def masses_of(

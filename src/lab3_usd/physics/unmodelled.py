@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 from lab3_usd.model.dry_run import Scene, ScenePrim
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
@@ -14,7 +14,9 @@ from lab3_usd.model.solids import box_of
 from lab3_usd.model.transforms import length, minus
 from lab3_usd.physics.bodies import collides
 from lab3_usd.physics.machine import HINGE, JOINTS, Joint, Machine
-from lab3_usd.physics.machines import Machines
+
+if TYPE_CHECKING:
+    from lab3_usd.physics.machines import Machines
 
 _GROUP = "PhysicsCollisionGroup"
 _OWNER, _PAIRS = "physics:simulationOwner", "physics:filteredPairs"
@@ -104,9 +106,9 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
         *(pair for ground in grounds for pair in _bad(ground, _SURFACE)),
         *(pair for prim in scene.prims.values() for pair in _of_joint(prim, machines, robot)),
         *_uneven(own),
-        *_inert(machines, robot),
+        *inert(machines, robot),
         *_owned(scene, [*bodies, *own, *floors]),
-        *_filtered(scene, [prim.path for prim in own], [floor.path for floor in floors]),
+        *filtered(scene, [prim.path for prim in own], [floor.path for floor in floors]),
     ]
     return dict(reversed(found))  # the first of each
 
@@ -145,7 +147,7 @@ def _needed(joint: Joint, machines: Machines, robot: Machine) -> float:
     return _SLOWEST if joint.kind == HINGE else math.radians(_SLOWEST) / unit
 
 
-def _inert(machines: Machines, robot: Machine) -> Iterator[tuple[str, str]]:
+def inert(machines: Machines, robot: Machine) -> Iterator[tuple[str, str]]:
     """Yield bodies with an inertia that none of their mass and size can have.
 
     One that turns on no joint is a part of the robot, and is held against the whole.
@@ -196,7 +198,7 @@ def _owned(scene: Scene, prims: list[ScenePrim]) -> Iterator[tuple[str, str]]:
             yield path, f"{_OWNER} is {owner}"
 
 
-def _filtered(scene: Scene, own: list[str], floors: list[str]) -> Iterator[tuple[str, str]]:
+def filtered(scene: Scene, own: list[str], floors: list[str]) -> Iterator[tuple[str, str]]:
     """Yield what lets shapes of the robot and its ground pass through each other."""
 
     def meets(first: Callable[[str], bool], second: Callable[[str], bool]) -> bool:

@@ -8,6 +8,8 @@ from collections.abc import Iterator, Sequence
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.poses import vector_text
+from lab3_usd.facts.stances import machines
+from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     BODY_API,
@@ -198,6 +200,24 @@ def has_ground(subject: RobotSubject) -> bool:
     """Whether anything fixed can carry the robot."""
     grounds = itertools.chain(planes(subject), _live_boxes(subject))
     return any(True for _ in grounds)
+
+
+def one_sided(subject: RobotSubject, usual: str) -> Iterator[Problem]:
+    """Say what lies below the robot and carries nothing, as a mesh with its faces turned down."""
+    known = machines(subject.stage)
+    machine = known.member.get(subject.robot.base) if known is not None else None
+    if machine is not None and machine.no_ground is not None:
+        path, why = machine.no_ground
+        name = path.rpartition("/")[2]
+        yield Problem(
+            path,
+            f"the ground does not carry the robot: {name} {why}",
+            expected="a face that looks up, in the robot's physics scene",
+            related=(usual,),
+            hint=f"restore {name} from the supplied file",
+            fix=(Restore(path),),
+            assumes=((path, _OWNER),),
+        )
 
 
 def _live_boxes(subject: RobotSubject) -> Iterator[Collider]:

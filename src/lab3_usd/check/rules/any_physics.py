@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
@@ -59,11 +59,12 @@ def link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("K96", "simulation-owner", scope="lint")
 def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
-    """A body of joints, its shape or joint belongs to no physics scene, or to two.
+    """A body of joints, its shape, joint or ground belongs to no physics scene, or to another.
 
     Why: PhysX makes no body and no shape whose owner is not a physics scene. Where a stage has two
     scenes, it makes no joint between bodies of different owners, and no articulation of them; a
-    body without an owner has another one than a body with.
+    body without an owner has another one than a body with. A robot falls through ground of another
+    scene.
 
     Fix: in the Property panel, remove the target of Simulation Owner, or choose the one physics
     scene for all bodies of the robot.
@@ -75,7 +76,7 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
     """
     stage = subject.stage
     lost: dict[tuple[str, bool], list[Prim]] = {}
-    for prim in _tied_prims(stage):
+    for prim in (*_tied_prims(stage), *_still_shapes(stage)):
         is_asked = prim.present and not {BODY_API, COLLISION_API}.isdisjoint(prim.apis)
         owners = prim.relationships.get(_OWNER, ()) if is_asked else ()
         if owners and not any(_is_scene(owner, stage) for owner in owners):
@@ -94,6 +95,7 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
             rests_on=stage.unknown(owner),
         )
     scenes = [prim for prim in stage.of_type(SCENE) if prim.present]
+    yield from _of_other_scenes(stage, [scene.path for scene in scenes])
     for joint in joints(stage) if len(scenes) > 1 else ():
         ends = [stage.prim(path) for path in bodies(joint)]
         owners = tuple(next(iter(end.relationships.get(_OWNER, ())), "") for end in ends if end)
@@ -112,9 +114,39 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
             )
 
 
+def _still_shapes(stage: StageModel) -> Sequence[Prim]:
+    """Return the shapes that no body moves, where a stage has bodies that joints tie."""
+    known = rigid_bodies(stage) if _tied_bodies(stage) else ()
+    return [
+        prim
+        for prim in (stage.with_api(COLLISION_API) if known else ())
+        if not any(above in known for above in upwards(prim.path))
+    ]
+
+
+def _of_other_scenes(stage: StageModel, scenes: Sequence[str]) -> Iterator[Problem]:
+    """Yield the ground and the walls of a physics scene to which no robot belongs."""
+    if len(scenes) < len(BODIES):
+        return
+    bodies_of = (stage.prims[path] for path in sorted(_tied_bodies(stage)) if stage.prim(path))
+    owners = {next(iter(body.relationships.get(_OWNER, ())), scenes[0]) for body in bodies_of}
+    for shape in _still_shapes(stage) if len(owners) == 1 else ():
+        owner = next(iter(shape.relationships.get(_OWNER, ())), "")
+        if owner in scenes and owner not in owners and collides(shape):
+            yield Problem(
+                shape.path,
+                f"belongs to the physics scene {owner}, and the robot to {next(iter(owners))}: "
+                "it is not there for the robot",
+                property=_OWNER,
+                expected=next(iter(owners)),
+                actual=owner,
+                rests_on=stage.unknown(shape.path),
+            )
+
+
 @rule("S28", "robot-of-no-scene", scope="stage", demands=link_bodies)
 def robot_of_no_scene(subject: StageSubject) -> Iterator[Problem]:
-    """A body, shape or joint belongs to no physics scene, or to two.
+    """A body, shape, joint or ground belongs to no physics scene, or to another.
 
     Why: PhysX makes no body and no shape whose owner is not a physics scene, and no joint between
     bodies of different scenes. The robot falls apart, or through the ground.

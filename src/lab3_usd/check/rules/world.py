@@ -20,6 +20,7 @@ from lab3_usd.check.robot.ground import (
     height,
     highest_ground,
     lights,
+    one_sided,
     steep_planes,
     up_of,
 )
@@ -84,7 +85,8 @@ _HAS_SCENE = _part_demand(_SCENE, "a physics scene", lambda world: world.physics
 def ground(subject: RobotSubject) -> Iterator[Problem]:
     """There is no fixed ground with a collision.
 
-    Why: at Play the robot falls for ever. A ground that is a rigid body falls with it.
+    Why: at Play the robot falls for ever. A ground that is a rigid body falls with it. A mesh
+    collides on one side, by the order of its points and `orientation`.
 
     Fix: activate the ground plane, tick Collision Enabled on it, turn it so that it faces up, or
     remove its Rigid Body. Restore a deleted ground from the supplied file, or create one with
@@ -93,7 +95,12 @@ def ground(subject: RobotSubject) -> Iterator[Problem]:
     Example: the collision plane below `/Environment` deactivated.
     """
     part = _asked(subject, subject.lab.scene.world.ground)
-    if part is None or has_ground(subject):
+    if part is None:
+        return
+    if has_ground(subject):
+        asset = _missing_environment(subject)
+        for wrong in one_sided(subject, part.usual):
+            yield replace(wrong, handout=part.handout, unmet=(_GROUND,), rests_on=asset)
         return
     asset = _missing_environment(subject)
     falling = falling_ground(subject)
@@ -323,7 +330,8 @@ def at_rest(robot: RobotSpec) -> str:
     return f"{robot.group}/rest"
 
 
-def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+def rests(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    """Yield that each robot rests on the ground."""
     del checkpoint
     for robot in lab.scene.robots if lab.scene.world.ground is not None else ():
         handout = lab.handout.behind("S19", robot.handout)
@@ -331,7 +339,7 @@ def _rest(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         yield Demand(at_rest(robot), title, robot.path, handout, part="assembly")
 
 
-@rule("S19", "not-at-rest", scope="robot", demands=_rest)
+@rule("S19", "not-at-rest", scope="robot", demands=rests)
 def not_at_rest(subject: RobotSubject) -> Iterator[Problem]:
     """Part of the robot is below the ground{wheels?}, or a wheel above it{/}.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import lru_cache, partial
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from msgspec.structs import replace
 from pxr import Usd
@@ -50,6 +51,9 @@ from lab3_usd.stage.read.properties import (
     plain_value,
     stage_number,
 )
+
+if TYPE_CHECKING:
+    from lab3_usd.model.dry_run import Scene
 
 _POSITION = "ui:nodegraph:node:pos"
 _NAMESPACE = "isaac:namespace"
@@ -105,7 +109,15 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
         moving=changes_after_start(stage),
         products=_named_products(stage, scan),
         old_types=tuple(scan.old_types),
+        scene=lambda: _scene(stage, platform, path),
     )
+
+
+def _scene(stage: Usd.Stage, platform: Platform, path: str) -> Scene:
+    from lab3_usd.stage.read.scene import read_scene  # which few stages need
+
+    with stage_errors(path):
+        return read_scene(stage, platform)
 
 
 def _path_of(prim: Usd.Prim) -> str:

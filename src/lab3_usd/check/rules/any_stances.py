@@ -1,0 +1,218 @@
+"""Rules about how robots stand and what they start in, with and without a lab."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from posixpath import commonpath
+from typing import TYPE_CHECKING
+
+from msgspec.structs import replace
+
+from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject, StageSubject
+from lab3_usd.check.registry import rule
+from lab3_usd.check.robot.poses import vector_text
+from lab3_usd.check.rules.world import SHAPE, at_rest, rests
+from lab3_usd.facts.articulations import driven_wheels
+from lab3_usd.facts.stances import INERTIA, driven_machines, machines
+from lab3_usd.model.changes import Restore
+from lab3_usd.model.finding import Place, Problem
+from lab3_usd.model.physics import (
+    GRAVITY,
+    GRAVITY_DIRECTION,
+    SCENE,
+    SLIDES_OFF,
+    down,
+    is_felt,
+    number,
+    slant,
+    vector,
+)
+from lab3_usd.model.prims import upwards
+from lab3_usd.physics.unmodelled import inert
+
+if TYPE_CHECKING:
+    from lab3_usd.model.stage import StageModel
+    from lab3_usd.physics.machine import Machine
+
+
+@rule("Y01", "wheels-off-ground", scope="lint")
+def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
+    """Something below its driven wheels carries the robot.
+
+    Why: wheels have no suspension. A chassis or castors 0.3 mm below the wheels carry the robot,
+    and the wheels turn in the air.
+
+    Fix: raise the shape named here, so that nothing reaches below the wheels, or lower the wheels.
+    One castor lower than the wheels tips the robot a little, and it drives.
+
+    Example: the collision box of the chassis reaches 1 mm below the wheels.
+    """
+    for node, machine in driven_machines(subject.stage):
+        yield from (
+            replace(problem, related=(*problem.related, node.path))
+            for problem in _carried(machine, subject.stage)
+        )
+
+
+@rule("S31", "carried-by-other-parts", scope="stage", demands=rests)
+def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
+    """Something below its wheels carries the robot.
+
+    Why: wheels have no suspension. A chassis or castors 0.3 mm below the wheels carry the robot,
+    and the wheels turn in the air.
+
+    Fix: set the shape named here, and its link, to the values in the supplied file.
+
+    Example: the collision box of `{robot}/{base}` reaches 1 mm below the wheels.
+    """
+    known = machines(subject.stage)
+    for robot in subject.lab.scene.robots if known is not None else ():
+        links = map(robot.path_of, robot.wheels.joints.values())
+        members = (known.member.get(link) for link in links) if known is not None else ()
+        machine = next(filter(None, members), None)
+        turned = [
+            f"{robot.path}/{robot.wheels.joints_below}/{name}" for name in robot.wheels.joints
+        ]
+        for problem in _carried(machine, subject.stage) if machine is not None else ():
+            body = known.body_of(problem.prim) if known is not None else ""
+            yield replace(
+                problem,
+                handout=subject.lab.handout.behind("S19", robot.handout),
+                related=(*problem.related, robot.path),
+                fix=(Restore(problem.prim), Restore(body)),
+                unmet=(at_rest(robot),),
+                assumes=(*problem.assumes, *((path, None) for path in (robot.path, *turned))),
+            )
+
+
+def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
+    """Yield what carries a robot in place of its wheels."""
+    if machine.carrier is None or machine.smooth:
+        return
+    path, text = machine.carrier
+    parts = [*machine.rest, *(joint.path for joint in machine.parents.values())]
+    shapes: list[Place] = [(f"{body}/", name) for body in machine.rest for name in SHAPE]
+    yield Problem(
+        path,
+        text,
+        expected="the weight on the wheels",
+        related=(machine.base,),
+        assumes=(*((part, None) for part in parts), *shapes),
+        rests_on=stage.unknown_below(commonpath(machine.rest)),
+    )
+
+
+@rule("Y02", "ground-without-hold", scope="lint")
+def ground_without_hold(subject: LintSubject) -> Iterator[Problem]:
+    """The ground below a driven robot carries nothing.
+
+    Why: the robot falls through. A mesh that does not move collides by its triangles, and a plane
+    has a front: both have one side, by the order of the points and `orientation`, whatever
+    `doubleSided` says. A shape of another physics scene is not there for the robot.
+
+    Fix: reverse the order of the points of the faces, or set `orientation` to the other hand; turn
+    a plane so that it faces up; remove the target of Simulation Owner.
+
+    Example: `orientation = "leftHanded"` of a floor whose points go round counterclockwise.
+
+    Basis: PhysX was tried with such floors; `docs/sim.md` has the results.
+    """
+    for node, machine in driven_machines(subject.stage):
+        if machine.no_ground is not None:
+            path, why = machine.no_ground
+            yield Problem(
+                path,
+                f"it {why}: the robot falls through",
+                expected="a face that looks up, in the robot's physics scene",
+                related=(machine.base, node.path),
+                assumes=((path, "physics:simulationOwner"),),
+                rests_on=subject.stage.unknown_outside(machine.base),
+            )
+
+
+@rule("Y03", "gravity", scope="lint")
+def gravity(subject: LintSubject) -> Iterator[Problem]:
+    """No gravity holds the driven robot on the ground.
+
+    Why: without weight wheels do not pull. Only the schema's own value, -inf, is the earth's:
+    another number below 0 pulls the other way, and the robot falls up.
+
+    Fix: set Gravity Magnitude of the physics scene to 9.81 (981 in centimetres), and Gravity
+    Direction to (0, 0, -1) where Z is up.
+
+    Example: `physics:gravityMagnitude = -9.81`.
+    """
+    stage = subject.stage
+    if not driven_wheels(stage):
+        return
+    for scene in [prim for prim in stage.of_type(SCENE) if prim.present][:1]:
+        if not is_felt(scene.attributes, stage.meters_per_unit or 1.0):
+            strength = f"{number(scene.attributes.get(GRAVITY)):g}"
+            text = f"{GRAVITY} is {strength}, expected about {9.81 / stage.meters_per_unit:g}"
+            yield Problem(scene.path, text, GRAVITY, actual=strength)
+        elif slant(scene.attributes, stage.up_axis) > SLIDES_OFF:
+            actual = vector_text(vector(scene.attributes.get(GRAVITY_DIRECTION)))
+            right = vector_text(down(stage.up_axis))
+            text = f"gravity pulls along {actual}, expected {right}"
+            yield Problem(scene.path, text, GRAVITY_DIRECTION, right, actual)
+
+
+@rule("Y04", "starts-inside", scope="lint", severity="warning")
+@rule("S32", "starts-inside-another", scope="stage", severity="warning")
+def starts_inside(subject: ModelSubject) -> Iterator[Problem]:
+    """A robot starts inside a wall, a crate or another robot.
+
+    Why: PhysX throws apart what overlaps when playing starts: the robot jumps some centimetres, or
+    turns over.
+
+    Fix: move the robot, or what it is inside of, so that their collision shapes do not overlap.
+
+    Example: a wall that reaches 3 cm into the chassis.
+    """
+    known = machines(subject.stage)
+    told: set[frozenset[str]] = set()
+    for machine in known.machines if known is not None else ():
+        for overlap in machine.inside:
+            pair = frozenset((overlap.own, overlap.other))
+            if pair not in told:
+                told.add(pair)
+                yield Problem(
+                    overlap.own,
+                    f"is {100 * overlap.depth:.2g} cm inside {overlap.other}",
+                    expected="shapes that do not overlap",
+                    related=(overlap.other,),
+                    assumes=(
+                        *(
+                            (path, "xformOp:*")
+                            for shape in (overlap.own, overlap.other)
+                            for path in upwards(shape)
+                        ),
+                        *((joint.path, None) for joint in machine.parents.values()),
+                    ),
+                    rests_on=subject.stage.unknown(overlap.own, overlap.other),
+                )
+
+
+@rule("Y05", "impossible-inertia", scope="lint", severity="warning")
+@rule("S33", "inertia-of-no-body", scope="stage", severity="warning")
+def impossible_inertia(subject: ModelSubject) -> Iterator[Problem]:
+    """A body of a robot has an inertia that no body of its mass and size can have.
+
+    Why: placeholders, as 1 kg m2 for a wheel of 30 g, hold the joint or throw the robot over.
+
+    Fix: remove `physics:diagonalInertia` and `physics:principalAxes`, so that PhysX computes them
+    from mass and shapes, or write the real values.
+
+    Example: `physics:diagonalInertia = (1, 1, 1)` of a wheel.
+    """
+    known = machines(subject.stage)
+    for machine in known.machines if known is not None else ():
+        for path, text in inert(known, machine) if known is not None else ():
+            yield Problem(
+                path,
+                text,
+                property=INERTIA,
+                expected="at most mass times size squared",
+                assumes=((path, "physics:mass"), *((f"{path}/", name) for name in SHAPE)),
+                rests_on=subject.stage.unknown_below(path),
+            )

@@ -1,0 +1,187 @@
+"""How the robots of a stage stand: what a dry run works out, where boxes leave a doubt."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+
+from lab3_usd.facts.articulations import driven_wheels
+from lab3_usd.facts.joined_bodies import joined_bodies
+from lab3_usd.model.physics import (
+    BODIES,
+    DRIVE_API,
+    MASS,
+    PLANE,
+    REVOLUTE,
+    STIFFNESS,
+    joints,
+    number,
+    vector,
+)
+from lab3_usd.model.prims import Collider
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
+
+if TYPE_CHECKING:
+    from lab3_usd.physics.machine import Machine
+    from lab3_usd.physics.machines import Machines
+
+INERTIA = "physics:diagonalInertia"
+_NOISE = 5e-5  # metres between boxes
+_DEEP = 5e-3  # metres by which boxes of shapes overlap that are inside one another
+_STEP = 0.05  # metres that ground may be above the lowest point of a robot
+_HEAVY = 10.0  # times that inertia is larger than that of a ball around the body
+_MESH = "Mesh"
+_FEW = 64  # square metres below a box, beyond which each robot looks at it
+
+
+@once_per_stage
+def machines(stage: StageModel) -> Machines | None:
+    """Return what moves on a stage as a dry run has it, None where boxes show that it stands well.
+
+    Nothing is known of what a script makes, and a dry run drives robots with Z up only.
+    """
+    if stage.scene is None or stage.up_axis != "Z" or not _is_doubtful(stage):
+        return None
+    from lab3_usd.physics.machines import Machines  # which few stages need
+
+    return Machines(stage.scene(), has_ground=True)
+
+
+def driven_machines(stage: StageModel) -> Iterator[tuple[Node, Machine]]:
+    """Yield the robots whose wheels controllers drive, each with the node that commands it."""
+    found: set[str] = set()
+    for command, _, wheels in driven_wheels(stage):
+        known = machines(stage)
+        ends = (path for wheel in wheels for path in wheel.relationships.get(BODIES[1], ()))
+        members = (known.member.get(path) for path in ends) if known is not None else ()
+        machine = next(filter(None, members), None)
+        if machine is not None and machine.base not in found:
+            found.add(machine.base)
+            yield command.node, machine
+
+
+def _is_doubtful(stage: StageModel) -> bool:
+    """Whether boxes leave it open that a robot does not stand on its wheels, or is in something."""
+    known = joined_bodies(stage)
+    wheels = _wheels(stage)
+    boxes: dict[str, list[tuple[Collider, str]]] = {}
+    for box in stage.colliders.below("/"):
+        body = known.carrier(box.path)
+        boxes.setdefault(known.robots.get(body, ""), []).append((box, body))
+    robots = {name: own for name, own in boxes.items() if name and known.sizes.get(name, 0) > 1}
+    rolling = {known.robots[link] for link in wheels}
+    for name in rolling & robots.keys():
+        own = robots[name]
+        low = min((box.low[2] for box, body in own if body in wheels), default=0.0)
+        if any(box.low[2] < low - _NOISE for box, body in own if body not in wheels):
+            return True
+    whole = {name: _around(box for box, _ in robots[name]) for name in rolling & robots.keys()}
+    return (
+        _has_odd_ground(stage, boxes.get("", ()), whole)
+        or _meet(stage, boxes, whole)
+        or any(_is_odd_inertia(stage, own) for own in robots.values())
+    )
+
+
+@once_per_stage
+def _wheels(stage: StageModel) -> frozenset[str]:
+    """Return the bodies that joints turn whose drives hold a speed."""
+    return frozenset(
+        body
+        for joint in joints(stage)
+        if joint.type == REVOLUTE
+        and DRIVE_API in joint.apis
+        and not number(joint.attributes.get(STIFFNESS))
+        for path in joint.relationships.get(BODIES[1], ())
+        if (body := joined_bodies(stage).carrier(path))
+    )
+
+
+def _around(boxes: Iterable[Collider]) -> Collider:
+    every = list(boxes)
+    low = [min(box.low[k] for box in every) for k in range(3)]
+    high = [max(box.high[k] for box in every) for k in range(3)]
+    return Collider("", (low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _has_odd_ground(
+    stage: StageModel, still: Sequence[tuple[Collider, str]], robots: Mapping[str, Collider]
+) -> bool:
+    """Whether the ground below a robot may face down: a plane that is turned, or a mesh."""
+    planes = [prim for prim in stage.of_type(PLANE) if prim.present and prim.world is not None]
+    if any(not _faces_up(prim.world or ()) for prim in planes):
+        return True
+    if planes:
+        return False
+    return any(
+        _is_below(box, robot) and stage.prims[box.path].type == _MESH
+        for robot in robots.values()
+        for box, _ in still
+    )
+
+
+def _faces_up(world: Sequence[float]) -> bool:
+    a, b, c, d, e, f, g, h, i = (world[4 * row + column] for row in range(3) for column in range(3))
+    return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0 and i > 0
+
+
+def _is_below(box: Collider, robot: Collider) -> bool:
+    is_over = all(box.low[k] <= (robot.low[k] + robot.high[k]) / 2 <= box.high[k] for k in (0, 1))
+    return is_over and box.low[2] <= robot.low[2] + _STEP
+
+
+def _meet(
+    stage: StageModel,
+    boxes: Mapping[str, Sequence[tuple[Collider, str]]],
+    robots: Mapping[str, Collider],
+) -> bool:
+    """Whether the box of a robot's shape is inside that of something else."""
+    squares: dict[_Square, list[Collider]] = {}
+    for box in (box for theirs in boxes.values() for box, _ in theirs) if robots else ():
+        for square in _under(box):
+            squares.setdefault(square, []).append(box)
+    for name, robot in robots.items():
+        own = {box.path: box for box, _ in boxes[name]}
+        for box in (box for square in (*_under(robot), None) for box in squares.get(square, ())):
+            if box.path not in own:
+                least = 0.0 if stage.prims[box.path].type == _MESH else _DEEP
+                if any(_overlap(box, other) >= least for other in own.values()):
+                    return True
+    return False
+
+
+_Square = tuple[int, int] | None
+
+
+def _under(box: Collider) -> Sequence[_Square]:
+    """Return the square metres that a box stands on; None where there are many."""
+    (x, y, _), (u, v, _) = box.low, box.high
+    if not (u - x) * (v - y) < _FEW:
+        return (None,)
+    across = range(math.floor(x), math.floor(u) + 1)
+    return [(a, b) for a in across for b in range(math.floor(y), math.floor(v) + 1)]
+
+
+def _overlap(one: Collider, other: Collider) -> float:
+    return min(min(one.high[k], other.high[k]) - max(one.low[k], other.low[k]) for k in range(3))
+
+
+def _is_odd_inertia(stage: StageModel, own: Sequence[tuple[Collider, str]]) -> bool:
+    """Whether a body of a robot may have an inertia that its mass and size do not allow.
+
+    What is no wheel is held against the whole robot.
+    """
+    bodies = dict.fromkeys(body for _, body in own)
+    masses = {body: number(stage.prims[body].attributes.get(MASS)) or 0.0 for body in bodies}
+    for body in bodies:
+        inertia = vector(stage.prims[body].attributes.get(INERTIA))
+        if not any(inertia):
+            continue
+        parts = [body] if body in _wheels(stage) else [*bodies]
+        box = _around(box for box, of in own if of in parts)
+        size = sum((high - low) ** 2 for low, high in zip(box.low, box.high, strict=True)) / 4
+        usual = sum(masses[part] for part in parts) * size
+        if max(map(abs, inertia)) * stage.meters_per_unit**2 > _HEAVY * usual:
+            return True
+    return False

@@ -1,0 +1,114 @@
+"""What is around a robot where playing starts: what stops it, and what it is inside of."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import TYPE_CHECKING
+
+from lab3_usd.model.dry_run import AXES, Affine
+from lab3_usd.model.physics import MASS, number
+from lab3_usd.model.solids import box_of, solid_of
+from lab3_usd.model.transforms import length, minus
+from lab3_usd.physics.bodies import collides
+from lab3_usd.physics.machine import Floor, Machine
+from lab3_usd.physics.overlaps import Block, Overlap, block_of, overlaps
+from lab3_usd.physics.stance import DENSITY, Stance
+from lab3_usd.physics.surfaces import Surface, cut, placed
+from lab3_usd.physics.unmodelled import filtered
+
+if TYPE_CHECKING:
+    from lab3_usd.physics.machines import Machines
+
+SKIRT = 0.05  # metres above the ground at which walls stop a robot
+STEP_UP = 0.05  # metres that the ground may be above a robot's origin
+LEVEL = 1e-6  # metres between what carries a wheel and the ground
+_HEAVY = 0.5  # part of a robot's mass, from which on a body may stop it
+AROUND = 3.0  # metres in which others may be in the way
+STEP = 0.01  # metres that the ground may rise or fall
+_MANY_FACES = 5000  # of a mesh on which no step is looked for
+
+
+def note_obstacles(machines: Machines, machine: Machine, stance: Stance, ground: float) -> None:
+    """Note what stops a robot that drives: heavy bodies, steps, and where the ground ends."""
+    if not machine.wheels or machine.is_given_ground:
+        return
+    unit = 1.0 / machines.scene.meters_per_unit
+    own = _HEAVY * sum(stance.masses.values())
+    here = machine.start.origin
+    for other in machines.machines:
+        away = length(minus(here, other.start.origin))
+        if other is machine or away > AROUND * unit:
+            continue
+        surfaces = _body_surfaces(machines, other)
+        segments = cut(surfaces, ground + SKIRT * unit)
+        mass = sum(_mass(machines, body) for body in other.rest) if segments else 0.0
+        if mass > own:
+            machine.barriers[f"{other.base.rpartition('/')[2]} of {mass:.3g} kg"] = segments
+    low, high = ground - STEP * unit, ground + SKIRT * unit
+    near = {
+        path: surface
+        for path, surface in machines.solid.items()
+        if surface.box[1][2] >= low and surface.box[0][2] <= high
+    }
+    planes = [s for path, s in near.items() if machines.scene.prims[path].type == "Plane"]
+    is_flat = any(abs(plane.box[1][2] - ground) < LEVEL * unit for plane in planes)
+    small = [surface for surface in near.values() if len(surface.counts) <= _MANY_FACES]
+    if is_flat:
+        small = [s for s in small if ground + STEP * unit < s.box[1][2] <= high]
+    if small:
+        goes_on = is_flat or len(small) < len(near)
+        machine.floor = Floor(tuple(small), ground, unit, goes_on)
+
+
+def _body_surfaces(machines: Machines, machine: Machine) -> list[Surface]:
+    """Return the surfaces of the shapes of a machine as they stand at the start."""
+    return [
+        placed(prim, prim.world)
+        for body in machine.rest
+        for prim in machines.scene.below(body)
+        if collides(prim) and machines.body_of(prim.path) == body
+    ]
+
+
+def _mass(machines: Machines, body: str) -> float:
+    """Return the mass of a body, by its shapes where none is written."""
+    mass = number(machines.scene.prims[body].values.get(MASS)) or 0.0
+    if mass > 0:
+        return mass
+    shapes = (
+        solid_of(prim, prim.world)
+        for prim in machines.scene.below(body)
+        if collides(prim) and machines.body_of(prim.path) == body
+    )
+    volume = sum(shape.volume for shape in shapes if shape is not None)
+    return volume * machines.scene.meters_per_unit**3 * DENSITY or 1.0
+
+
+def overlaps_of(machines: Machines, machine: Machine) -> Iterator[Overlap]:
+    """Yield what a robot is inside of where playing starts; its ground is none of that."""
+    scene, stance = machines.scene, machines.stances.get(machine.base)
+    if stance is None or machine.held:
+        return
+    start = Affine(AXES, machine.start.origin)
+    own = [solid.moved(start) for solids in stance.solids.values() for solid in solids]
+    if not own:
+        return
+    near = [solid.farthest((-x, -y, -z)) for solid in own for x, y, z in AXES]
+    far = [solid.farthest(axis) for solid in own for axis in AXES]
+    low, high = box_of([*near, *far])
+    blocks: list[Block | None] = []
+    step = start.origin[2] + STEP_UP / scene.meters_per_unit
+    floors = machines.floors(machine)
+    for path, surface in machines.solid.items():
+        at, to = surface.box
+        is_ground = path in floors and to[2] <= step
+        if not is_ground and all(low[k] < to[k] and at[k] < high[k] for k in range(3)):
+            blocks.append(block_of(scene.prims[path], surface))
+    for other in machines.machines:
+        away = length(minus(machine.start.origin, other.start.origin))
+        if other is not machine and away < AROUND / scene.meters_per_unit:
+            parts = (prim for body in other.rest for prim in scene.below(body))
+            blocks += [block_of(prim) for prim in parts if collides(prim)]
+    for overlap in overlaps(own, filter(None, blocks), scene.meters_per_unit):
+        if not any(filtered(scene, [overlap.own], [overlap.other])):
+            yield overlap
