@@ -185,7 +185,8 @@ def _call_handle(  # noqa: C901 - one line for each function
     at = place(node)
     first = given.given[0] if given.given else None
     if name in _VALID:
-        return True
+        is_known = not isinstance(own, PrimHandle) or run.world.has_prim(own.path)
+        return True if is_known else unknown(node)
     if name in ("get_path_to_graph", "get_prim_path", "GetPath", "get_path", "GetPrimPath"):
         path = f"{own.path}.{own.name}" if isinstance(own, AttributeHandle) else own.path
         text = as_text(lifted(path, at), at)

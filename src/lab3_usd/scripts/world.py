@@ -159,6 +159,15 @@ class World:
             self.changed[path] = BuiltNode(path, path.rpartition("/")[0], kind, nowhere)
         return self.changed[path]
 
+    def has_prim(self, path: str) -> bool:
+        """Whether a prim is surely there: a graph or a node."""
+        is_of_scene = path in self.scene.graphs or path in self.scene.nodes
+        return (
+            path in self.graphs
+            or path in self.nodes
+            or (is_of_scene and not self._is_removed(path))
+        )
+
     def has_scene_node(self, path: str) -> bool:
         """Whether a node of the scene is still there."""
         return not self._is_removed(path)
