@@ -55,6 +55,8 @@ BETWEEN: dict[str, dict[str, tuple[str, ...]]] = {
         TIME: ("inputs:swhFrameNumber",),
         ARTICULATION: ("inputs:usePath",),
         DIFFERENTIAL: ("outputs:positionCommand", "outputs:effortCommand"),
+        # OgnHolonomicControllerDatabase.py of phgandhi02/isaac_sim-2023.1.1
+        f"{CONTROLLER}HolonomicController": ("*",),
     },
     "4.2": {
         GRIPPER: ("*",),

@@ -7,6 +7,7 @@ from collections.abc import Collection, Mapping
 from functools import cache
 
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import order
 
 _ALIKE = 0.8
 _NEAR_TYPE = 0.92
@@ -80,7 +81,13 @@ def meant_type(written: str, platform: Platform) -> str | None:
     """Return the type of a release that a name was likely meant to be.
 
     A name of an extension of before is meant by its last part: the list of new names is not whole.
+    In a release of before it may be right.
     """
+    is_early = order(platform.release) < order(platform.names.before)
+    if is_early and platform.names.is_former_extension(written):
+        return None
+    if written in platform.lookalikes:
+        return platform.lookalikes[written]
     last = written.rpartition(".")[2].removeprefix("Ogn")
     if platform.names.is_former_extension(written):
         types = platform.types
@@ -99,8 +106,7 @@ def is_unregistered(name: str, platform: Platform) -> bool:
     releases = platform.releases_of(name)
     if name in known or platform.scripts.runs(name) or platform.release in releases:
         return False
-    is_meant = name in platform.lookalikes or meant_type(name, platform) is not None
-    return not name or bool(releases) or is_meant
+    return not name or bool(releases) or meant_type(name, platform) is not None
 
 
 @cache

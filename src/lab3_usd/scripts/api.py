@@ -105,12 +105,16 @@ def _call_controller(
     if name == "create_attribute":
         return _create_attribute(act, given, at)
     if name == "delete_node":
-        run.world.remove_node(path_of(given.get(0, "node_id"), at))
-        return None
+        return _delete_nodes(given.get(0, "node_id"), run, at)
     if name in ("evaluate", "evaluate_sync"):
         _evaluate_graphs(given.get(0, "graph_id"), run, at)
         return None
     return _lookup(name, names, given, node)
+
+
+def _delete_nodes(value: Value, run: Run, at: At) -> None:
+    for item in value.items if isinstance(value, Items) else [value]:
+        run.world.remove_node(path_of(item, at))
 
 
 _ANY = "/{graph}"
@@ -285,6 +289,8 @@ def _call_stage(name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
     if name in _NEW_STAGES:
         run.world.clear(is_empty="new" in name)
         return Unknown(f"{name}()", at[0])
+    if name == "is_prim_path_valid" and first is not None:
+        return True if run.world.has_prim(path_of(first, at)) else unknown(node)
     if name in _PRIMS and first is not None:
         path = path_of(first, at)
         return PrimHandle(path) if path else unknown(node)

@@ -22,6 +22,7 @@ from lab3_usd.scripts.world import BuiltNode, World
 
 Names = dict[str, BuiltNode]
 STATE = "state:"
+_BUNDLE = "outputs_"  # how the output of a bundle is called
 
 
 class Edit:
@@ -91,6 +92,8 @@ def _with_port(
 ) -> tuple[BuiltNode | None, str] | None:
     if prefix and not port.startswith((INPUT, OUTPUT, STATE)):
         port = prefix + port
+    if port.startswith(_BUNDLE):
+        port = OUTPUT + port.removeprefix(_BUNDLE)
     if "{" in port:  # which of its ports is not known
         if node is not None:
             act.world.open_graph(node.graph, Unknown(port, act.at[0]))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import likely_wire, lost_constant, wire_hint
@@ -17,7 +17,7 @@ from lab3_usd.facts.stalled_nodes import (
     unmet_needs,
 )
 from lab3_usd.isaac.behaviour import Need
-from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.node_types import INPUT, NUMBERS
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.stage import Node
 
@@ -90,6 +90,18 @@ def _wanted(need: Need) -> str:
     return "a value that changes" if need.changing else "another value"
 
 
+def _has_numbers(node: Node, ports: Iterable[str], subject: LintSubject) -> bool:
+    """Whether a node makes an array of numbers, by its values and the types of its wires."""
+    for port in ports:
+        if isinstance(effective_value(node, port, subject.live), (int, float)):
+            return True
+        for source, name in live_sources(node, port, subject.live):
+            known = None if source.type is None else source.type.port(name)
+            if known is not None and known.usd_type in NUMBERS:
+                return True
+    return False
+
+
 @rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
 def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     """An array has an empty element, or inputs beyond its size.
@@ -131,8 +143,7 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                     ),
                 )
         if items.filled:
-            values = [effective_value(node, port, subject.live) for port in items.filled]
-            has_numbers = any(isinstance(value, (int, float)) for value in values)
+            has_numbers = _has_numbers(node, items.filled, subject)
             for port in items.empty:
                 wire = lost_constant(node, port, subject) if len(items.empty) == 1 else ()
                 yield Problem(

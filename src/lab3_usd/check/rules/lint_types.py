@@ -136,8 +136,7 @@ def _likely(node: Node, subject: LintSubject) -> str | None:
     """
     if subject.platform.releases_of(node.type_name):
         return None
-    alike = subject.platform.lookalikes.get(node.saved_type)
-    return alike or meant_type(node.saved_type, subject.platform)
+    return meant_type(node.saved_type, subject.platform)
 
 
 @rule(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.behaviour import (
@@ -338,13 +339,16 @@ def _release(entry: _ReleaseEntry, usd_types: Mapping[str, str], where: str) -> 
 def _early(
     file: _EarlyReleases, known: Mapping[str, Release], usd_types: Mapping[str, str], where: str
 ) -> dict[str, Release]:
-    """Return the early releases, each with the types that are gone since."""
+    """Return the early releases, each with the types that are gone since.
+
+    The interfaces of those are known of the first release that has them alone.
+    """
     found = {}
     for name, entry in file.releases.items():
         own = _release(entry, usd_types, f"{where}: {name}")
         like = known.get(entry.like, Release({}, (), {}))
         gone = {
-            kind: node_type
+            kind: node_type if name == part.since else replace(node_type, is_open=True)
             for part in file.gone
             if order(part.since) <= order(name) <= order(part.until)
             for kind, node_type in parse_types(part.types, usd_types, where).items()
