@@ -103,6 +103,50 @@ def test_findings_stand_at_their_lines_when_a_file_is_opened(carter: Path) -> No
     assert ("K01", line_of(text, 'def OmniGraphNode "publish_odometry"')) in found
 
 
+CLOCK = """import omni.graph.core as og
+
+og.Controller.edit(
+    {"graph_path": "/World/Clock", "evaluator_name": "execution"},
+    {
+        og.Controller.Keys.CREATE_NODES: [
+            ("tick", "omni.graph.action.OnPlaybackTick"),
+            ("time", "isaacsim.core.nodes.IsaacReadSimulationTime"),
+            ("clock", "isaacsim.ros2.bridge.ROS2PublishClock"),
+        ],
+        og.Controller.Keys.CONNECT: [
+            ("tick.outputs:tick", "clock.inputs:execIn"),
+            ("time.outputs:simulationTime", "clock.inputs:timestamp"),
+        ],
+    },
+)
+"""
+
+
+def test_scripts_are_judged_and_repaired_too(tmp_path: Path) -> None:
+    path = tmp_path / "clock.py"
+    path.write_text("import omni.graph.core\n")
+
+    async def question(editor: Editor) -> tuple[list[types.Diagnostic], list[str]]:
+        editor.open(CLOCK)
+        found = await editor.diagnostics()
+        asked_for = types.CodeActionParams(
+            editor.document, found[0].range, types.CodeActionContext(found)
+        )
+        actions = await editor.text_document_code_action_async(asked_for) or []
+        edits = [
+            edit.new_text
+            for action in actions
+            if isinstance(action, types.CodeAction) and action.edit and action.edit.changes
+            for edit in action.edit.changes[editor.uri]
+        ]
+        return found, edits
+
+    found, edits = asked(path, question)
+    line = line_of(CLOCK, "inputs:timestamp")
+    assert [(each.code, each.range.start.line) for each in found] == [("K21", line)]
+    assert edits == [CLOCK.splitlines(keepends=True)[line].replace("timestamp", "timeStamp")]
+
+
 def test_what_is_typed_is_judged_before_it_is_saved(carter: Path) -> None:
     text = carter.read_text()
     changed = text.replace("isaacsim.ros2.bridge.ROS2PublishOdometry", "isaacsim.ros2.bridge.Odo")

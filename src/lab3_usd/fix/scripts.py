@@ -13,6 +13,7 @@ from lab3_usd.errors import StageError
 from lab3_usd.files import lines_of, read_state
 from lab3_usd.fix.repairing import Fixed, FixOptions
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.changes import TextChange
 from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.pipeline.scripts import ScriptSettings, lint_script
@@ -56,6 +57,23 @@ def fix_script(path: Path, release: str, options: FixOptions) -> Fixed:
         states={path: state},
         left_out=left_out,
         judge_again=lambda file: _lint(file, platform),
+    )
+
+
+def script_changes(finding: Finding, path: Path, release: str) -> tuple[TextChange, ...]:
+    """Return the lines of a script that the repair of a finding changes; none where it is unsure.
+
+    Raises:
+        StageError: the script cannot be read.
+    """
+    platform, before = lint_platform(release), lines_of(read_state(path).content.decode())
+    after = before.copy()
+    for names in list(_names(finding, platform, before)):
+        _repair(after, finding, *names)
+    return tuple(
+        TextChange(str(path), number, number + 1, after[number])
+        for number in range(len(before))
+        if before[number] != after[number]
     )
 
 

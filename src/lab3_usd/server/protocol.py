@@ -12,12 +12,11 @@ from pygls.workspace import TextDocument
 
 from lab3_usd.data import as_called
 from lab3_usd.model.finding import Finding, Severity
-from lab3_usd.server.diagnosis import Diagnosis, diagnose, repairs_of
+from lab3_usd.server.diagnosis import FIRST_LINE, Diagnosis, diagnose, is_judged, repairs_of
 from lab3_usd.server.manuals import manual_of
 from lab3_usd.server.places import Lines, Span, Symbol, definition, outline, path_at
 
 WAIT = 0.3  # seconds without a change after which a text is judged
-_FIRST_LINE = "#usda"
 _SOURCE = "lab3"
 _SEVERITIES: dict[Severity, types.DiagnosticSeverity] = {
     "error": types.DiagnosticSeverity.Error,
@@ -123,12 +122,13 @@ async def _judge(server: StageServer, uri: str, wait: float = 0.0) -> None:
     await asyncio.sleep(wait)
     document = server.workspace.get_text_document(uri)
     path, text = to_fs_path(uri), document.source
-    if path is None or not text.startswith(_FIRST_LINE):
+    if path is None or not is_judged(path, text):
         return
     async with server.judging:
         diagnosis = await asyncio.to_thread(diagnose, Path(path), text, server.release)
     server.known[uri] = diagnosis
-    if not any(finding.rule.startswith("F") for finding in diagnosis.findings):
+    is_stage = text.startswith(FIRST_LINE)
+    if is_stage and not any(finding.rule.startswith("F") for finding in diagnosis.findings):
         server.texts[uri] = text
     if diagnosis.failure:
         message = types.LogMessageParams(types.MessageType.Error, diagnosis.failure)
