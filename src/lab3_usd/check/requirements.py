@@ -89,7 +89,7 @@ def nested_nodes(subject: GraphSubject) -> dict[str, Node]:
 
     Whether Isaac Sim runs them is unknown.
     """
-    graphs = {graph.path for graph in subject.stage.graphs}
+    graphs = {path for graph in subject.stage.graphs for path in (graph.path, *graph.inner)}
     matched = subject.matched
     return {spec.role: node for node, spec in matched if node.path.rpartition("/")[0] not in graphs}
 

@@ -16,6 +16,7 @@ from lab3_usd.isaac.pure_nodes import (
     term_names,
 )
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import Node, PortState
 
 Nodes = Mapping[str, Node]
@@ -158,7 +159,8 @@ def _variable(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | No
     name, graph, path = (*kind.variable, "", "")[:3]
     if type(live) is not LiveNodes or not graph or node.sources(path) or node.value(path):
         return None
-    own = live.variables.get(next(iter(node.targets(graph)), node.path.rpartition("/")[0]), {})
+    around = (above for above in upwards(node.path) if above in live.variables)
+    own = live.variables.get(next(iter(node.targets(graph)), next(around, "")), {})
     return own.get(f"{VARIABLE}{effective_value(node, name, live, depth)}")
 
 

@@ -153,7 +153,7 @@ class SceneNode(Struct, frozen=True):
 
 
 class SceneGraph(Struct, frozen=True):
-    """A graph prim and its nodes, in the order of the stage."""
+    """A graph prim and its nodes, in the order of the stage; `inner` are those of compounds."""
 
     path: str
     evaluator: str
@@ -162,6 +162,7 @@ class SceneGraph(Struct, frozen=True):
     nodes: tuple[SceneNode, ...]
     variables: dict[str, Any] = {}
     instanced: bool = False  # it is part of an instance
+    inner: tuple[str, ...] = ()
 
 
 RENDER_PRODUCT = "RenderProduct"

@@ -203,7 +203,8 @@ class GraphModel(Struct, frozen=True):
     """A graph prim with its nodes in the order of their paths.
 
     `instanced` is whether it belongs to an instance, of which Isaac Sim loads no graph. Of a
-    deactivated graph only the number of its nodes is known, `hidden`.
+    deactivated graph only the number of its nodes is known, `hidden`. `inner` are the graphs of its
+    compounds, whose nodes are among its own.
     """
 
     path: str
@@ -214,6 +215,7 @@ class GraphModel(Struct, frozen=True):
     absent: tuple[AbsentPrim, ...] = ()
     instanced: bool = False
     hidden: int = 0
+    inner: tuple[str, ...] = ()
 
     @property
     def name(self) -> str:

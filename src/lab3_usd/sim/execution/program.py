@@ -253,7 +253,7 @@ def _running(
             or (last_name(node.type) == READ_VARIABLE and is_written)
         ):
             function = None
-        is_direct = node.path.rpartition("/")[0] == graph.path
+        is_direct = node.path.rpartition("/")[0] in (graph.path, *graph.inner)
         if known is None and is_direct and is_unregistered(node.type, platform):
             # Isaac Sim opens the stage without it.
             reason = f"its type '{node.type}' is not one of Isaac Sim {platform.release}"

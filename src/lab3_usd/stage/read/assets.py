@@ -242,3 +242,11 @@ def original_asset(path: str) -> str:
     from urllib.parse import unquote
 
     return unquote(path[len(_BLOCKED) :])
+
+
+def is_in_asset(prim: Usd.Prim) -> bool:
+    """Whether a prim above this one refers to an asset."""
+    while prim := prim.GetParent():
+        if prim.HasAuthoredReferences() or prim.HasAuthoredPayloads():
+            return True
+    return False

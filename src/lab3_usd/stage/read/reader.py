@@ -36,9 +36,11 @@ from lab3_usd.stage.read.assets import (
     find_muted,
     find_unresolved,
     is_defined_in,
+    is_in_asset,
     is_in_scene,
 )
 from lab3_usd.stage.read.colliders import StageColliders
+from lab3_usd.stage.read.compounds import compounds_in, opened_nodes
 from lab3_usd.stage.read.opening import cached, held, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.properties import (
@@ -86,6 +88,7 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
     hidden = tuple(dict.fromkeys(missing.prim for missing in unresolved))
     scan = _Scan(stage, platform, hidden)
     scan.run()
+    scan.open_compounds()
     scan.settle_names()
     reader = PrimReader(stage, path, hidden, platform)
     prims = StagePrims(reader, platform.graph, scan.others)
@@ -169,6 +172,7 @@ class _Scan:
         self.instances: set[str] = set()
         self.overridden: list[str] = []
         self.old_types: list[OldType] = []
+        self._inner: dict[str, tuple[str, ...]] = {}
         self._namespaces: dict[str, tuple[str, ...]] = {"/": ()}
         self._types: dict[str, tuple[str, NodeType | None, Mapping[str, OtherName]]] = {}
 
@@ -181,6 +185,22 @@ class _Scan:
         if self._stage.GetPrototypes():
             outside = Usd.PrimRange(self._stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate)
             self.instances |= {str(prim.GetPath()) for prim in outside if prim.IsInstance()}
+
+    def open_compounds(self) -> None:
+        """Let the nodes in compounds be nodes of the graphs around them."""
+        nodes = [node for found in self.nodes.values() for node in found]
+        types = {node.path: node.type_name for node in nodes}
+        compound = self._platform.building.compound
+        compounds = compounds_in(self._stage, self.graphs, types, compound)
+        if compounds.graphs:
+            graphs = [*self.nodes]
+            self._inner = {path: compounds.within(path, graphs) for path in graphs}
+            compounds.move(self.nodes)
+            compounds.move(self.absent)
+            self.graphs = {path: at for path, at in self.graphs.items() if path in self.nodes}
+            opened = {node.path: node for node in opened_nodes(nodes, compounds)}
+            for graph, found in self.nodes.items():
+                self.nodes[graph] = [opened[node.path] for node in found if node.path in opened]
 
     def settle_names(self) -> None:
         """Let wires leave from ports by their own names, and note what a file calls the others.
@@ -267,7 +287,7 @@ class _Scan:
         ports = read_ports(properties, kind, others)
         is_traversed = IS_PRESENT(prim) and not prim.IsInstanceProxy()
         if is_traversed and (not written or self._platform.names.is_old(written)):
-            self.old_types.append(OldType(path, written, _is_in_asset(prim)))
+            self.old_types.append(OldType(path, written, is_in_asset(prim)))
         if not type_name and not ports:
             return  # a leftover, which is no node
         namespaces = self._namespaces_above(prim, path)
@@ -354,6 +374,7 @@ class _Scan:
             variables=variables,
             absent=tuple(self.absent[path]),
             instanced=prim.IsInstanceProxy(),
+            inner=self._inner.get(path, ()),
             hidden=0 if prim.IsActive() else _nodes_in_layers(prim, self._platform.graph.node_type),
         )
 
@@ -364,14 +385,6 @@ def _nodes_in_layers(graph: Usd.Prim, node_type: str) -> int:
     return len(
         {child.name for spec in specs for child in spec.nameChildren if child.typeName == node_type}
     )
-
-
-def _is_in_asset(prim: Usd.Prim) -> bool:
-    """Whether a prim above this one refers to an asset."""
-    while prim := prim.GetParent():
-        if prim.HasAuthoredReferences() or prim.HasAuthoredPayloads():
-            return True
-    return False
 
 
 def _written_ports(

@@ -28,6 +28,7 @@ from lab3_usd.model.dry_run import (
     bounded,
 )
 from lab3_usd.stage.read.assets import find_unresolved
+from lab3_usd.stage.read.compounds import compounds_in, opened_scene_nodes
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
 from lab3_usd.stage.read.transforms import ORDER, is_placeless
 
@@ -79,6 +80,15 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     nodes = {
         graph: [_of_platform(node, platform) for node in found] for graph, found in nodes.items()
     }
+    types = {node.path: node.type for found in nodes.values() for node in found}
+    compounds = compounds_in(stage, graphs, types, platform.building.compound)
+    opened = opened_scene_nodes((node for found in nodes.values() for node in found), compounds)
+    by_path = {node.path: node for node in opened}
+    compounds.move(nodes)
+    nodes = {
+        graph: [by_path[node.path] for node in found if node.path in by_path]
+        for graph, found in nodes.items()
+    }
     named = (paths for found in nodes.values() for node in found for paths in node.targets.values())
     targets = {path for paths in named for path in paths}
     for path in platform.application_prims:
@@ -108,8 +118,10 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
                     if str(name).startswith(VARIABLE)
                 },
                 prim.IsInstanceProxy(),
+                compounds.within(path, nodes),
             )
             for path, prim in graphs.items()
+            if path in nodes
         ),
         prims,
         missing,

@@ -1,0 +1,120 @@
+"""Opens compounds: nodes that hold a graph, and through whose ports wires pass.
+
+What a graph does is what the nodes do of which its compounds are made. So these are read as nodes
+of the graph, and wires as they are behind the ports of compounds. A compound whose graph is not in
+the file stays a node. Source: the page CompoundNodes of Kit's documentation of OmniGraph.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Collection, Iterable, Mapping
+from typing import TypeVar
+
+from msgspec import Struct
+from msgspec.structs import replace
+from pxr import Usd
+
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
+from lab3_usd.model.dry_run import Input, SceneNode
+from lab3_usd.model.stage import Node, PortState
+from lab3_usd.stage.read.properties import AuthoredProperties
+
+_T = TypeVar("_T")
+_DEEPEST = 32  # compounds in compounds: a wire that comes back to its own port ends
+
+
+class Compounds(Struct, frozen=True):
+    """The compounds of a stage: the graph in each, and what is wired to each of their ports."""
+
+    graphs: Mapping[str, str]
+    fed: Mapping[str, tuple[str, ...]]
+
+    def move(self, by_graph: dict[str, list[_T]]) -> None:
+        """Let what stands in the graphs of compounds stand in the graph that holds them all."""
+        for graph in self.graphs.values():
+            if graph in by_graph:
+                by_graph[self.graph_around(graph, by_graph)] += by_graph.pop(graph)
+
+    def graph_around(self, graph: str, known: Collection[str]) -> str:
+        """Return the graph that holds a compound with this graph, and is that of none."""
+        while graph not in known or graph in self.graphs.values():
+            graph = graph.rpartition("/")[0]
+        return graph
+
+    def within(self, graph: str, known: Collection[str]) -> tuple[str, ...]:
+        """Return the graphs of the compounds that a graph holds."""
+        inner = self.graphs.values()
+        return tuple(own for own in inner if self.graph_around(own, known) == graph)
+
+    def is_port(self, source: str) -> bool:
+        """Whether a port is one of a compound."""
+        return source.rpartition(".")[0] in self.graphs
+
+    def behind(self, sources: Iterable[str], depth: int = _DEEPEST) -> tuple[str, ...]:
+        """Return the ports that feed an input, beyond those of compounds.
+
+        One of a compound stays where nothing is wired to it: its own value passes.
+        """
+        found: list[str] = []
+        for source in sources:
+            fed = self.fed.get(source, ()) if depth else ()
+            found += self.behind(fed, depth - 1) if fed else (source,)
+        return tuple(found)
+
+
+def compounds_in(
+    stage: Usd.Stage, graphs: Collection[str], types: Mapping[str, str], compound_type: str
+) -> Compounds:
+    """Return the compounds of a stage with these graphs and nodes, by path with their types."""
+    inner = {graph.rpartition("/")[0]: graph for graph in graphs}
+    found = {path: inner[path] for path in types if path in inner and types[path] == compound_type}
+    fed = {}
+    for path in found:
+        properties = AuthoredProperties(stage.GetPrimAtPath(path))
+        for name in properties.names():
+            if name.startswith((INPUT, OUTPUT)):
+                fed[f"{path}.{name}"] = properties[name].sources()
+    return Compounds(found, fed)
+
+
+def opened_nodes(nodes: Iterable[Node], compounds: Compounds) -> list[Node]:
+    """Return nodes without the compounds among them, wired through their ports."""
+    known = {node.path: node for node in nodes}
+    return [
+        replace(node, ports={n: _opened(s, compounds, known) for n, s in node.ports.items()})
+        for node in known.values()
+        if node.path not in compounds.graphs
+    ]
+
+
+def _opened(state: PortState, compounds: Compounds, known: Mapping[str, Node]) -> PortState:
+    if not any(map(compounds.is_port, state.sources)):
+        return state
+    sources = compounds.behind(state.sources)
+    wired = tuple(source for source in sources if not compounds.is_port(source))
+    if wired:
+        return replace(state, sources=wired)
+    path, _, port = sources[0].rpartition(".")
+    own = known[path].ports.get(port)
+    return replace(PortState(state.name) if own is None else own, name=state.name)
+
+
+def opened_scene_nodes(nodes: Iterable[SceneNode], compounds: Compounds) -> list[SceneNode]:
+    """Return nodes of a scene as `opened_nodes` does."""
+    known = {node.path: node for node in nodes}
+    return [
+        replace(node, inputs={n: _passed(i, compounds, known) for n, i in node.inputs.items()})
+        for node in known.values()
+        if node.path not in compounds.graphs
+    ]
+
+
+def _passed(given: Input, compounds: Compounds, known: Mapping[str, SceneNode]) -> Input:
+    if not any(map(compounds.is_port, given.sources)):
+        return given
+    sources = compounds.behind(given.sources)
+    wired = tuple(source for source in sources if not compounds.is_port(source))
+    if wired:
+        return replace(given, sources=wired)
+    path, _, port = sources[0].rpartition(".")
+    return known[path].inputs.get(port) or replace(given, sources=())
