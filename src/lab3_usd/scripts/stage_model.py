@@ -7,6 +7,7 @@ from typing import Any
 
 from msgspec.structs import replace
 
+from lab3_usd.facts.endpoints import namespaces_above
 from lab3_usd.facts.likely_names import likely_name
 from lab3_usd.isaac.node_types import INPUT, NodeType, Port
 from lab3_usd.isaac.platform import Platform
@@ -110,7 +111,7 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
             unresolved=tuple(missing.values()),
             build=build,
         )
-    own = {graph.path: graph for graph in graphs}
+    own = {graph.path: _in_namespaces(graph, scene) for graph in graphs}
     kept = [
         _changed_graph(graph, own.pop(graph.path, None), world, missing)
         for graph in scene.graphs
@@ -173,6 +174,13 @@ def _graph(
         for node in world.nodes_of(graph.path)
     )
     return GraphModel(path=graph.path, active=True, attributes=attributes, nodes=nodes)
+
+
+def _in_namespaces(graph: GraphModel, scene: StageModel) -> GraphModel:
+    """Return a graph whose nodes have the namespaces of the prims of a scene above them."""
+    names = tuple(name for _, name in namespaces_above(graph.path, scene))
+    nodes = (replace(node, namespaces=names) for node in graph.nodes)
+    return replace(graph, nodes=tuple(nodes)) if names else graph
 
 
 def _changed_graph(
