@@ -303,3 +303,10 @@ def test_a_lab_without_a_goal_says_so(tmp_path: Path, repository: Path) -> None:
     assert "goal" not in script.read_text().replace("navigation goal", "").replace("--goal)", "")
     assert "results=output\n" in script.read_text()
     assert list(tmp_path.iterdir()) == [script]
+
+
+def test_a_course_without_commands_records_without_driving() -> None:
+    topics = {name: replace(topic, subscribed=False) for name, topic in ROS.topics.items()}
+    still = replace(ROS, topics=topics, navigation=None)
+    assert "drive the robot now" in collect_script(LAB)
+    assert "drive the robot now" not in collect_script(replace(LAB, ros=still))

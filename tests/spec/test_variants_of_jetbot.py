@@ -8,9 +8,11 @@ from pathlib import Path
 
 import pytest
 from invoking import invoke
+from msgspec.structs import replace
 from places import REPOSITORY
 from pxr import Usd
 
+from lab3_usd.check.manual import rules_in
 from lab3_usd.check.rules.targets import _difference
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import check_stage
@@ -97,3 +99,28 @@ def test_the_robot_is_no_sensor_of_its_own_type(tmp_path: Path) -> None:
     plain = ("scene.yaml", "type: IsaacImuSensor", "type: Xform")
     folder = edited(tmp_path / "lab", plain)
     assert findings(folder, "drive", nothing) == []
+
+
+def test_what_stands_on_no_robot_has_no_link(tmp_path: Path) -> None:
+    folder = edited(
+        tmp_path / "lab",
+        ("scene.yaml", "path: /World/Jetbot/chassis/Imu", "path: /World/Room/Imu"),
+        ("Measure.yaml", "/World/Jetbot/chassis/Imu", "/World/Room/Imu"),
+        ("Odometry.yaml", "        - /World/Jetbot/chassis/Imu\n", ""),
+        ("checkpoints.yaml", ", chassis -> Imu", ""),
+        ("ros.yaml", "header.frame_id: Imu", "header.frame_id: chassis"),
+        ("Measure.yaml", "frameId: Imu, ", "frameId: chassis, "),
+    )
+
+    def moved(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath("/World/Room/Imu").GetAttribute("xformOp:translate").Set((9, 0, 0))
+
+    (found,) = findings(folder, "imu", moved)
+    assert found.message.endswith("relative to its parent")
+
+
+def test_a_course_without_topics_has_an_example_without_them() -> None:
+    lab = load_lab(JETBOT)
+    bare = replace(lab, ros=replace(lab.ros, topics={}))
+    assert "topicName" in rules_in(lab)["P01"].manual
+    assert "topicName" not in rules_in(bare)["P01"].manual

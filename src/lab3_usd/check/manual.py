@@ -168,7 +168,7 @@ def _words(lab: Lab) -> Mapping[str, str]:
         words.append((name, next(topics, "")))
     published = [topic for topic, spec in lab.topics.items() if not spec.subscribed]
     received = [topic for topic, spec in lab.topics.items() if spec.subscribed]
-    words.append(("scan", dict(words)["scan"] or _at(published, 1)))
+    words.append(("scan", dict(words)["scan"] or _at(published, 1) or _at(received, 0)))
     words.append(("commands", dict(words)["commands"] or _at(received, 0)))
     words.append(("isaac", "" if lab.platform.release == BASE else lab.platform.release))
     words += [("root", lab.frames.root), ("above", lab.frames.above)]

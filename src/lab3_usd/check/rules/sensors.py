@@ -102,7 +102,7 @@ def sensor_values(spec: SensorSpec, group: str) -> Iterator[Demand]:
 class PresentSensor(NamedTuple):
     """A sensor that the checkpoint asks for, and that the stage holds, with its place and prim.
 
-    `group` is that of its requirements.
+    `group` is that of its requirements, `carrier` what its parent is called.
     """
 
     name: str
@@ -110,6 +110,7 @@ class PresentSensor(NamedTuple):
     spec: SensorSpec
     place: SensorLocation
     prim: Prim
+    carrier: str
 
 
 @once_per_stage
@@ -118,7 +119,14 @@ def present_sensors(subject: StageSubject, kind: str) -> tuple[PresentSensor, ..
     lab = subject.lab
     places = {name: find_sensor(subject.stage, lab, name) for name in sensors_of(subject, kind)}
     return tuple(
-        PresentSensor(name, sensor_group(lab, name), lab.sensors[name], place, place.prim)
+        PresentSensor(
+            name,
+            sensor_group(lab, name),
+            lab.sensors[name],
+            place,
+            place.prim,
+            "link" if lab.scene.robot_of(lab.sensors[name].path) else "parent",
+        )
         for name, place in places.items()
         if place.prim is not None
     )
@@ -219,7 +227,7 @@ def left_behind_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
                 actual=BODY_API,
                 handout=sensor.spec.pose.handout,
                 related=sensor.place.related,
-                hint="select the sensor and remove Rigid Body in the Property panel under Physics",
+                hint=f"select {prim.name}, and remove Rigid Body in the Property panel",
                 fix=(RemoveSchema(prim.path, BODY_API),),
                 unmet=(f"{sensor.group}/{POSITION}",),
             )
@@ -270,7 +278,7 @@ def pose_problem(sensor: PresentSensor, error: PoseError) -> Problem:
     name, the = (sensor.name, "the ") if is_only else (sensor.prim.name, "")
     return Problem(
         sensor.prim.path,
-        f"{name}'s {error.message} relative to its link",
+        f"{name}'s {error.message} relative to its {sensor.carrier}",
         error.property,
         error.expected,
         error.actual,

@@ -86,8 +86,8 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
 
     Fix: select the node and type the value named here into its field in the Property panel.
 
-    Example: `topicName` '{scan}1' instead of '{scan}': a subscriber waits for messages that never
-    come.
+    Example: {running system?}`topicName` '{scan}1' instead of '{scan}': a subscriber waits for
+    messages that never come{else}a variable of another name: nothing is read{/}.
     """
     for found in settings_of(subject):
         node, port = found.node, found.setting.port

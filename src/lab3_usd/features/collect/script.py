@@ -52,6 +52,7 @@ def collect_script(lab: Lab) -> str:
         domain=ros.system.domain,
         distribution=ros.system.distribution,
         commands=lines,
+        moves=any(topic.subscribed for topic in ros.topics.values()) or ros.navigation is not None,
         goal=goal,
         no_goal=shlex.quote(f"{SCRIPT}: {lab.title} has no navigation goal to wait for"),
         goal_file=GOAL_FILE,

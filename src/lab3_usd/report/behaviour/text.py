@@ -56,6 +56,7 @@ PASSED_IN_ANY_STAGE = {
     "scan": "scans show the walls where TF has the lidar",
     **PASSED_BY_JOINTS,
 }
+_SCANS = ("sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2")
 _BELOW = "below the top of a robot's tree"
 PASSED_BY_TREES = {"tree": f"each frame has one parent and one publisher, {_BELOW}"}
 _RECORDED_TREES = {"tree": f"each frame has one parent, {_BELOW}"}
@@ -98,6 +99,8 @@ def passed_texts(behaviour: Behaviour) -> Mapping[str, str]:
     if behaviour.recording:
         return PASSED_IN_A_RECORDING | (_RECORDED_TREES if has_trees else {})
     texts = PASSED | PASSED_BY_JOINTS if behaviour.robots else PASSED
+    if all(topic.type not in _SCANS for topic in behaviour.topics):
+        texts = texts | {"mounted": "the camera moves with the robot"}
     return texts | (PASSED_BY_TREES if has_trees else {})
 
 
