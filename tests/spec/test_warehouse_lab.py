@@ -241,6 +241,15 @@ def test_a_mistake_of_a_robot_is_one_error_that_costs_its_own_group(
     assert {item.group for item in result.requirements if not item.met} == {group}
 
 
+def test_lost_frames_are_told_at_the_graph_that_sends_them(
+    lab: Lab, built: Path, tmp_path: Path
+) -> None:
+    gone = changed(built, tmp_path, 7, lambda stage: stage.GetPrimAtPath(R2).SetActive(False))  # noqa: FBT003 - pxr takes no keyword
+    lost = [finding for finding in check_stage(gone, lab=lab).findings if finding.rule == "T20"]
+    assert [finding.prim for finding in lost] == ["/World/OdometryR2"]
+    assert "r2/odom -> r2/body" in lost[0].message
+
+
 def test_a_robot_that_was_renamed_is_not_taken_for_the_other(
     lab: Lab, built: Path, tmp_path: Path
 ) -> None:

@@ -27,12 +27,14 @@ OTHER = "other"
 class SensorLocation(Struct, frozen=True):
     """The prim that is a required sensor, at its path or elsewhere; None where there is none.
 
-    `wrong_type_prim` is the prim of another type that stands at the path instead.
+    `wrong_type_prim` is the prim of another type that stands at the path instead, `carrier` what
+    its parent is called.
     """
 
     path: str
     prim: Prim | None = None
     wrong_type_prim: Prim | None = None
+    carrier: str = "link"
 
     @property
     def is_misplaced(self) -> bool:
@@ -78,10 +80,11 @@ def find_sensor(stage: StageModel, lab: Lab, name: str) -> SensorLocation:
     """
     spec = lab.sensors[name]
     path = spec.path
+    carrier = "parent" if lab.scene.robot_of(path) is None else "link"
     at = stage.prim(path)
     is_there = at is not None and at.type == spec.type
     if is_there and spec.recognised != ANYWHERE:
-        return SensorLocation(path, at)
+        return SensorLocation(path, at, carrier=carrier)
     if at is not None and not at.type and stage.unknown(path):
         return SensorLocation(path)  # the missing asset may say what it is
     # Prims that are other sensors of the type: at their paths, or found before.
@@ -96,7 +99,7 @@ def find_sensor(stage: StageModel, lab: Lab, name: str) -> SensorLocation:
             key=lambda prim: (not is_used_by_graph(stage, prim), _strangeness(prim, path, lab))
         )
     prim = candidates[0] if candidates else None
-    return SensorLocation(path, prim, None if is_there else at)
+    return SensorLocation(path, prim, None if is_there else at, carrier)
 
 
 def is_used_by_graph(stage: StageModel, prim: Prim) -> bool:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 from lab3_usd.check.lab_frames import (
     FrameSource,
@@ -31,6 +31,7 @@ from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Finding, Place, Problem, Severity, display
 from lab3_usd.model.physics import rigid_bodies
 from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.spec.contradictions.names import file_of, graph_frames
 
 
 @rule("T01", "missing-frame", scope="frames")
@@ -244,7 +245,7 @@ def lost_frames(judged: JudgedStage) -> Iterator[Problem]:
         and not requirement.met
         and not _is_named(requirement.id.rpartition("/")[2], faults)
     ]
-    publishers = dict.fromkeys(_graphs(judged, publish=True)) if lost else ()
+    publishers = _publishers(judged, lost) if lost else {}
     others = [path for path in _graphs(judged, publish=False) if path not in publishers]
     has_cause = any(
         finding.severity == "error"
@@ -252,16 +253,28 @@ def lost_frames(judged: JudgedStage) -> Iterator[Problem]:
         for finding in faults
     )
     because = "because of other faults, " if has_cause else ""
-    for path in publishers:
+    for path, own in publishers.items():
         sites = [finding.prim for finding in faults if is_at_or_below(finding.prim, path)]
         yield Problem(
             path,
-            f"{because}not published: {', '.join(lost)}",
+            f"{because}not published: {', '.join(own)}",
             severity=None if has_cause else "error",
-            expected=", ".join(lost),
+            expected=", ".join(own),
             handout=judged.subject.lab.frames.handout,
             related=tuple(dict.fromkeys(prim for prim in sites if prim != path)),
         )
+
+
+def _publishers(judged: JudgedStage, lost: Sequence[str]) -> dict[str, list[str]]:
+    """Map the graphs that should send transforms to those, all of them where none is told."""
+    files = {edge.child: edge.file for edge in graph_frames(judged.subject.lab)}
+    of_graph: dict[str, list[str]] = {}
+    for transform in lost:
+        file = files.get(transform.partition(" -> ")[2], "")
+        own = [*_graphs(judged, publish=True, file=file)]
+        for path in own or _graphs(judged, publish=True):
+            of_graph.setdefault(path, []).append(transform)
+    return of_graph
 
 
 def _is_named(frame: str, findings: list[Finding]) -> bool:
@@ -275,11 +288,16 @@ def _is_named(frame: str, findings: list[Finding]) -> bool:
     )
 
 
-def _graphs(judged: JudgedStage, *, publish: bool) -> Iterator[str]:
-    """Yield where the graphs of the lab that publish frames are, or should be, or the others."""
+def _graphs(judged: JudgedStage, *, publish: bool, file: str = "") -> Iterator[str]:
+    """Yield where the graphs of the lab that publish frames are, or should be, or the others.
+
+    With a file it is the graph that this describes.
+    """
     for name, roles in judged.subject.roles.items():
         spec = judged.subject.lab.graphs[name]
-        if publish == any(node.type.tf is not None for node in spec.nodes.values()):
+        if file in ("", file_of(spec)) and publish == any(
+            node.type.tf is not None for node in spec.nodes.values()
+        ):
             yield spec.path if roles.graph is None else roles.graph.path
 
 

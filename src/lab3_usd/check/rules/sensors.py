@@ -102,7 +102,7 @@ def sensor_values(spec: SensorSpec, group: str) -> Iterator[Demand]:
 class PresentSensor(NamedTuple):
     """A sensor that the checkpoint asks for, and that the stage holds, with its place and prim.
 
-    `group` is that of its requirements, `carrier` what its parent is called.
+    `group` is that of its requirements.
     """
 
     name: str
@@ -110,7 +110,6 @@ class PresentSensor(NamedTuple):
     spec: SensorSpec
     place: SensorLocation
     prim: Prim
-    carrier: str
 
 
 @once_per_stage
@@ -119,14 +118,7 @@ def present_sensors(subject: StageSubject, kind: str) -> tuple[PresentSensor, ..
     lab = subject.lab
     places = {name: find_sensor(subject.stage, lab, name) for name in sensors_of(subject, kind)}
     return tuple(
-        PresentSensor(
-            name,
-            sensor_group(lab, name),
-            lab.sensors[name],
-            place,
-            place.prim,
-            "link" if lab.scene.robot_of(lab.sensors[name].path) else "parent",
-        )
+        PresentSensor(name, sensor_group(lab, name), lab.sensors[name], place, place.prim)
         for name, place in places.items()
         if place.prim is not None
     )
@@ -278,7 +270,7 @@ def pose_problem(sensor: PresentSensor, error: PoseError) -> Problem:
     name, the = (sensor.name, "the ") if is_only else (sensor.prim.name, "")
     return Problem(
         sensor.prim.path,
-        f"{name}'s {error.message} relative to its {sensor.carrier}",
+        f"{name}'s {error.message} relative to its {sensor.place.carrier}",
         error.property,
         error.expected,
         error.actual,
