@@ -202,6 +202,8 @@ def _as_usd(usd_type: str, value: Any) -> Any:
     zero = kind.defaultValue
     if hasattr(zero, "imaginary"):
         return type(zero)(value[3], type(zero.imaginary)(*value[:3]))
+    if hasattr(zero, "GetRow"):
+        return type(zero)([list(row) for row in value])
     return type(zero)(*value)
 
 
