@@ -78,7 +78,7 @@ def answer(course, task, scratch, announce):
     return judge(course, task, scratch, announce)
 
 worker.answer, worker._channels = answer, remembered
-worker.main()
+worker.serve()
 """
 
 

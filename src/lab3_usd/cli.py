@@ -27,7 +27,7 @@ from lab3_usd.errors import (
     Lab3Error,
     NoRoomError,
     UsageError,
-    described,
+    failure_text,
     is_no_room,
 )
 
@@ -250,7 +250,7 @@ def main() -> None:
         if isinstance(error, RuntimeError) and str(error) == _NO_THREAD:
             line = "the system starts no more threads for this user; end other programs"
             _fail(line, EXIT_CRASH, "crash")
-        _fail(f"internal error, please report it: {described(error)}", EXIT_CRASH, "crash")
+        _fail(f"internal error, please report it: {failure_text(error)}", EXIT_CRASH, "crash")
 
 
 def _write_utf8() -> None:

@@ -129,7 +129,7 @@ def interrupt(number: int, frame: FrameType | None) -> None:
     raise KeyboardInterrupt
 
 
-def described(error: Exception) -> str:
+def failure_text(error: Exception) -> str:
     """Name an exception that nobody raised on purpose, and the line that raised it."""
     import traceback
 

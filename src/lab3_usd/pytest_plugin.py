@@ -207,7 +207,7 @@ class CheckpointFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield a test for each requirement, and one for faults that belong to none."""
-        from lab3_usd.pipeline.entries import judge
+        from lab3_usd.pipeline.entries import judge_target
         from lab3_usd.pipeline.results import Target
         from lab3_usd.pipeline.stage import JudgeSettings
 
@@ -220,7 +220,7 @@ class CheckpointFile(pytest.File):
                 starter=configuration.starter,
                 maps=configuration.maps,
             )
-        (result,), _ = judge(settings, Target(str(self.path)))
+        (result,), _ = judge_target(settings, Target(str(self.path)))
         for requirement in result.requirements:
             item = RequirementItem.from_parent(self, name=requirement.id)
             item.requirement, item.result = requirement, result

@@ -58,14 +58,16 @@ def test_stages_that_cannot_be_built_are_bad(
 def test_a_missing_extra_is_named_with_what_installs_it() -> None:
     found = doctor.extra("png", "no-such-package", "pictures")  # noqa: S610 - not Django
     assert found.state == "missing"
-    head, command = doctor.lines_of(found)
+    head, command = doctor.diagnosis_lines(found)
     assert head.split() == ["missing", "png", "pictures"]
     assert command == " " * 20 + install_command("png")
 
 
 def test_lines_fit_the_terminal_but_for_commands(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setenv("COLUMNS", "80")
-    lines = list(doctor.lines_of(Diagnosis("png", "missing", "a word " * 40, "one command " * 20)))
+    lines = list(
+        doctor.diagnosis_lines(Diagnosis("png", "missing", "a word " * 40, "one command " * 20))
+    )
     assert max(map(len, lines[:-1])) <= 80
     assert all(line.startswith(" " * 20) for line in lines[1:])
     assert lines[-1].strip() == ("one command " * 20).strip()

@@ -158,10 +158,10 @@ print(sorted(name for name in {*sys.modules} - before if name.startswith("pxr"))
 JUDGED = """
 import sys
 import lab3_usd.pipeline.preloaded
-from lab3_usd.pipeline.entries import Target, judge
+from lab3_usd.pipeline.entries import Target, judge_target
 from lab3_usd.pipeline.stage import JudgeSettings
 before = {*sys.modules}
-judge(JudgeSettings(checkpoint="01"), Target(sys.argv[1]))
+judge_target(JudgeSettings(checkpoint="01"), Target(sys.argv[1]))
 print(sorted(name for name in {*sys.modules} - before if name.startswith("lab3_usd.check")))
 """
 

@@ -81,7 +81,7 @@ def killed(_folder, settings):
     settings.may_open.args[0].announce("work/stage.usda")
     os.kill(os.getpid(), signal.SIGKILL)
 submission_grading.check_folder = killed
-worker_main.main()
+worker_main.serve()
 '''
 pool.start_worker = lambda settings, stopped: start_worker(
     replace(settings, program=program), stopped

@@ -568,7 +568,7 @@ from lab3_usd.grade.workers import worker_main as worker
 worker.fence_files = lambda *arguments: False
 give_up = worker.give_up_privileges
 worker.give_up_privileges = lambda: give_up() | {"network": False}
-worker.main()
+worker.serve()
 """
 
 

@@ -10,7 +10,7 @@ from lab3_usd.check.registry import all_rules
 from lab3_usd.grade.gradebook import HTML, MOST_LOST, grade_sheet, write_reports
 from lab3_usd.grade.rubric import Cap, Item, Rubric
 from lab3_usd.grade.scoring import Deduction, Grade, ItemGrade
-from lab3_usd.grade.workers.messages import Task, decode, encode
+from lab3_usd.grade.workers.messages import Task, decoded_message, encode
 from lab3_usd.grade.workers.submission_grading import ungraded_record
 from lab3_usd.model.finding import Finding, Report, Requirement
 from lab3_usd.report.formats.registry import render
@@ -182,7 +182,7 @@ def test_neither_a_name_nor_a_title_becomes_markup() -> None:
 
 def test_the_name_travels_with_the_task_and_onto_the_page() -> None:
     task = Task("1234567", "1234567", (), name="Jane Doe", broken={})
-    assert decode(encode(task), Task) == task
+    assert decoded_message(encode(task), Task) == task
     record = ungraded_record(RUBRIC, task.student, "unreadable", "it is damaged", task.name)
     assert read(record["reports"][HTML]).one("h1").text == "Jane Doe"
 

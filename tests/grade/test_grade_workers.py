@@ -30,7 +30,14 @@ from lab3_usd.grade.intake import scratch
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers import pool, worker_process
-from lab3_usd.grade.workers.messages import PoolSettings, Reply, Task, decode, encode, status_of
+from lab3_usd.grade.workers.messages import (
+    PoolSettings,
+    Reply,
+    Task,
+    decoded_message,
+    encode,
+    status_of,
+)
 from lab3_usd.grade.workers.pool import WorkerSlot, _after, judge_with_retries, run_tasks
 from lab3_usd.grade.workers.worker_main import _failure_text
 from lab3_usd.grade.workers.worker_process import (
@@ -701,18 +708,18 @@ def test_a_task_survives_the_way_to_a_worker() -> None:
     sent = Task(
         "jané", "jane-1", (Source(Path("/a b"), "c.usda"),), late=True, broken={"a": "b"}, known="k"
     )
-    assert decode(encode(sent), Task) == sent
+    assert decoded_message(encode(sent), Task) == sent
 
 
 def test_names_that_are_no_text_survive_the_way_to_a_worker() -> None:
     sent = Task("jane", "jane", (Source(Path("/class/\udcff"), "\udcff.usda"),))
-    assert decode(encode(sent), Task) == sent
+    assert decoded_message(encode(sent), Task) == sent
 
 
 @pytest.mark.parametrize("line", [b"[" * 100_000, b'"\xff"', b'{"turn": "first"}', b"[1]", b""])
 def test_a_line_that_is_no_message_is_refused(line: bytes) -> None:
     with pytest.raises(ValueError):  # noqa: PT011 - of several kinds
-        decode(line, Reply)
+        decoded_message(line, Reply)
 
 
 def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
@@ -804,7 +811,7 @@ def look(setup, task, scratch, announce):
     own = task.sources[0].path
     return {name: read(own.parent / name / "file") for name in ("ann", "ben")}
 worker_main.grade_submission = look
-worker_main.main()
+worker_main.serve()
 """
 
 

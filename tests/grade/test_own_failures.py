@@ -39,12 +39,12 @@ def fail(*_arguments: object) -> None:
 
 def search_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let fail what is no rule: findings of 01 are looked for in its text."""
-    monkeypatch.setattr("lab3_usd.pipeline.stage.located", fail)
+    monkeypatch.setattr("lab3_usd.pipeline.stage.located_findings", fail)
 
 
 def dry_run_fails(monkeypatch: pytest.MonkeyPatch) -> None:
     """Let the dry run fail, which is there for stages with errors."""
-    monkeypatch.setattr(dry_runs, "shown_by", fail)
+    monkeypatch.setattr(dry_runs, "faults_in_dry_run", fail)
 
 
 FAILURES = pytest.mark.parametrize("fails", [rule_fails, search_fails, dry_run_fails])

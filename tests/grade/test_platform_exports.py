@@ -15,7 +15,7 @@ from hypothesis import strategies as st
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.filled_export import Decision, FilledExport, decision_lines, fill_export
-from lab3_usd.grade.text_table import filled, read_table
+from lab3_usd.grade.text_table import filled_bytes, read_text_table
 
 CANVAS = "Student,ID,SIS User ID,SIS Login ID,Section,Lab 3 (77)\n    Points Possible,,,,,100\n"
 MOODLE = "Identifier,Full name,Email address,Status,Grade,Maximum grade,Feedback comments\n"
@@ -798,10 +798,10 @@ def test_a_table_is_read_as_python_reads_it_and_filled_cell_by_cell(
     csv.writer(text, quoting=quoting, lineterminator=end).writerows([["h", "i"], *rows])
     path = tmp_path_factory.getbasetemp() / "table.csv"
     path.write_bytes(text.getvalue().encode())
-    table = read_table(path)
+    table = read_text_table(path)
     assert [[cell.value for cell in row] for row in table.rows] == [["h", "i"], *rows]
-    assert filled(table, {}) == path.read_bytes()
+    assert filled_bytes(table, {}) == path.read_bytes()
     row, value = data.draw(st.integers(1, len(rows))), data.draw(CELLS)
-    path.write_bytes(filled(table, {(row, 1): value}))
+    path.write_bytes(filled_bytes(table, {(row, 1): value}))
     rows[row - 1][1] = value
-    assert [[cell.value for cell in cells] for cells in read_table(path).rows][1:] == rows
+    assert [[cell.value for cell in cells] for cells in read_text_table(path).rows][1:] == rows

@@ -277,7 +277,7 @@ def fail(*_arguments: object) -> None:
 def test_stages_without_errors_and_unreadable_ones_are_not_played(
     monkeypatch: pytest.MonkeyPatch,
 ) -> None:
-    monkeypatch.setattr(dry_runs, "shown_by", fail)
+    monkeypatch.setattr(dry_runs, "faults_in_dry_run", fail)
     faulty = judged("04", MADE["scene focal length"])
     facts = SubmissionFacts((judged("03"), replace(faulty, readable=False)))
     assert with_dry_runs(facts, LAB, {}) == facts

@@ -21,7 +21,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.grade.rubric import Rubric, everything_asked, load_rubric
 from lab3_usd.grade.scoring import Grade, ItemGrade, facts_of, grade, grade_facts
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult
-from lab3_usd.pipeline.results import unreadable
+from lab3_usd.pipeline.results import unreadable_result
 
 ASKED = everything_asked(LAB)
 RUBRIC = load_rubric(MINI / "rubric.yaml", LAB)
@@ -249,7 +249,7 @@ def test_a_missing_file_loses_its_points_and_blocks_nothing() -> None:
 
 def test_an_unreadable_file_loses_its_points() -> None:
     stages = class_of()
-    stages[1] = unreadable("work/01.usda", "01", "no stage")
+    stages[1] = unreadable_result("work/01.usda", "01", "no stage")
     graded = grade(RUBRIC, stages)
     assert item(graded, "clock").state == "unreadable"
     assert graded.earned == 90.0

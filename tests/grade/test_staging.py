@@ -26,7 +26,7 @@ from lab3_usd.grade.intake.submission_copy import (
     SubmissionCopy,
     UnreachedError,
 )
-from lab3_usd.grade.workers.messages import decode, encode
+from lab3_usd.grade.workers.messages import decoded_message, encode
 from lab3_usd.spec.submission import named_checkpoint
 
 STAGE = b'#usda 1.0\ndef Xform "World"\n{\n}\n'
@@ -168,7 +168,7 @@ def test_what_a_file_brings_about_by_its_name_costs_only_itself(
 
 def test_a_source_is_the_same_after_its_way_to_a_worker(tmp_path: Path) -> None:
     source = Source(tmp_path, "a.zip", left_out=(RefusedFile("b", "c"),), fault="d")
-    assert decode(encode(source), Source) == source
+    assert decoded_message(encode(source), Source) == source
 
 
 def test_the_digests_of_files_are_by_their_names_in_the_submission(tmp_path: Path) -> None:

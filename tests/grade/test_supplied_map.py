@@ -19,7 +19,7 @@ from lab3_usd.deliverables.maps import MapError, supplied_map
 from lab3_usd.grade.class_run import ClassSettings, salt_of
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.workers.messages import PoolSettings, Start, decode, encode
+from lab3_usd.grade.workers.messages import PoolSettings, Start, decoded_message, encode
 from lab3_usd.spec.load.loader import load_lab
 
 MAP, IMAGE = "turtlebot3_map.yaml", "turtlebot3_map.pgm"
@@ -158,4 +158,4 @@ def test_a_supplied_map_that_map_server_would_not_load_is_refused(
 def test_workers_on_other_machines_receive_the_map_itself(tmp_path: Path) -> None:
     given = supplied_map(data_folder("maps"))
     start = Start(tmp_path, PoolSettings(None, None, Limits(), supplied_map=given))
-    assert decode(encode(start), Start).settings.supplied_map == given
+    assert decoded_message(encode(start), Start).settings.supplied_map == given

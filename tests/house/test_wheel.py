@@ -228,9 +228,10 @@ def test_the_installed_package_reads_no_yaml_at_start(elsewhere: Path) -> None:
 
 def test_the_installed_package_compiles_no_template(elsewhere: Path) -> None:
     code = (
-        "import sys; from lab3_usd.report.html.templates import fill; import jinja2;"
+        "import sys; from lab3_usd.report.html.templates import fill_page; import jinja2;"
         "jinja2.Environment.compile = None;"
-        "from lab3_usd.report.html.templates import environment;"
-        "print(len([environment().get_template(n) for n in ('report.html.j2', 'class.html.j2')]))"
+        "from lab3_usd.report.html.templates import jinja_environment;"
+        "names = ('report.html.j2', 'class.html.j2');"
+        "print(len([jinja_environment().get_template(name) for name in names]))"
     )
     assert run("env/bin/python", "-c", code, cwd=elsewhere).strip() == "2"

@@ -18,7 +18,7 @@ from lab3_usd.report.picture.layered import (
     backward,
     crossings,
     layered,
-    ordered,
+    ordered_columns,
     ranks,
     stacked,
 )
@@ -140,8 +140,8 @@ def test_no_graph_at_all_is_laid_out() -> None:
 def test_ordering_keeps_the_order_with_the_fewest_crossings() -> None:
     slots = [Slot((key,), rank, 40.0) for key, rank in (("a", 0), ("b", 0), ("c", 1), ("d", 1))]
     links = [WirePiece(("a",), 10, ("d",), 10), WirePiece(("b",), 10, ("c",), 10)]
-    assert crossings(ordered(slots, []), links) == 1
-    assert crossings(ordered(slots, links), links) == 0
+    assert crossings(ordered_columns(slots, []), links) == 1
+    assert crossings(ordered_columns(slots, links), links) == 0
 
 
 def test_stacked_slots_keep_their_gap() -> None:

@@ -32,7 +32,7 @@ from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageM
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.html import model as html_model
 from lab3_usd.report.picture.canvas import on_canvas
-from lab3_usd.report.picture.dot import celled, dot
+from lab3_usd.report.picture.dot import celled, graphviz
 from lab3_usd.report.picture.mermaid import coded, mermaid
 from lab3_usd.report.picture.model import Box, Curve, Kind, Picture, Row, State, port_id
 from lab3_usd.report.picture.png import png
@@ -845,7 +845,7 @@ def test_mermaid_keeps_every_string_of_a_stage_in_its_label() -> None:
 
 
 def test_dot_has_a_cell_per_port_and_a_line_per_wire() -> None:
-    lines = dot(spec_picture(CLOCK)).splitlines()
+    lines = graphviz(spec_picture(CLOCK)).splitlines()
     assert '  n1:p0 -> n3:p1 [color="#4a5663"];' in lines
     assert '  n0:p0 -> n3:p0 [color="#4a5663", style=dashed];' in lines
     assert lines[0] == 'digraph "ROS_Clock" {'
@@ -863,7 +863,7 @@ def test_dot_doubles_backslashes() -> None:
 
 def test_dot_keeps_every_string_of_a_stage_in_its_quotes() -> None:
     bare = re.compile(r'(?<!\\)(?:\\\\)*"')
-    quotes = [len(bare.findall(line)) for line in dot(evil_picture()).splitlines()]
+    quotes = [len(bare.findall(line)) for line in graphviz(evil_picture()).splitlines()]
     assert max(quotes) >= 2
     assert [number for number in quotes if number % 2] == []
 
@@ -879,7 +879,7 @@ def test_faulty_pictures_are_drawn_as_they_were() -> None:
         "frames": frames_picture(LAB.frames, edges, required=True, localized=True),
     }
     for name, picture in pictures.items():
-        assert_golden_text(f"picture/{name}.dot", dot(picture))
+        assert_golden_text(f"picture/{name}.dot", graphviz(picture))
         assert_golden_text(f"picture/{name}.mmd", mermaid(picture))
         assert_golden_text(f"picture/{name}.svg", in_lines(svg(picture)))
 

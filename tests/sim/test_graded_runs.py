@@ -9,7 +9,7 @@ import pytest
 from breaking import Step, broken, the_lab
 
 from lab3_usd.grade import dry_runs
-from lab3_usd.grade.dry_runs import shown_by, with_dry_runs
+from lab3_usd.grade.dry_runs import faults_in_dry_run, with_dry_runs
 from lab3_usd.grade.scoring import facts_of
 from lab3_usd.physics import surfaces
 from lab3_usd.pipeline.stage import check_stage
@@ -61,9 +61,9 @@ def shown_in(folder: Path, steps: dict[str, list[Step]]) -> tuple[list[object], 
         path = folder / FILES[number]
         broken(number, own).GetRootLayer().Export(str(path))
         wanted = expected_of_each(lab, lab.checkpoints[number])
-        together.append(shown_by(path, lab, wanted, later))
+        together.append(faults_in_dry_run(path, lab, wanted, later))
         if len(together) > 1:  # the last one is played first, and alone
-            alone.append(shown_by(path, lab, wanted))
+            alone.append(faults_in_dry_run(path, lab, wanted))
     return together[1:], alone
 
 
@@ -111,7 +111,9 @@ def test_the_room_is_made_once_for_all_that_is_played_in_it(tmp_path: Path) -> N
     lab, counts = the_lab(), []
     for number in ("04", "05"):
         broken(number, RADIUS).GetRootLayer().Export(str(tmp_path / FILES[number]))
-        shown_by(tmp_path / FILES[number], lab, expected_of_each(lab, lab.checkpoints[number]))
+        faults_in_dry_run(
+            tmp_path / FILES[number], lab, expected_of_each(lab, lab.checkpoints[number])
+        )
         counts.append(surfaces._placed.cache_info().misses)
     assert counts[0] > 30
     assert counts[1] - counts[0] < 10  # of the robot

@@ -14,7 +14,7 @@ from pxr import Sdf, Usd
 from lab3_usd.errors import StageError
 from lab3_usd.model.folder import Listing
 from lab3_usd.pipeline.folder import find_starters
-from lab3_usd.pipeline.results import unreadable
+from lab3_usd.pipeline.results import unreadable_result
 from lab3_usd.pipeline.stage import check_stage, lint_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import check_file, open_stage
@@ -121,7 +121,7 @@ def test_damaged_text_has_the_place_and_the_reason_that_usd_core_names(
 def test_the_stage_before_is_named_where_a_checkpoint_has_one(
     checkpoint: str | None, *, repeats: bool
 ) -> None:
-    (finding,) = unreadable("x.usda", checkpoint, "is damaged").findings
+    (finding,) = unreadable_result("x.usda", checkpoint, "is damaged").findings
     assert ("checkpoint before" in (finding.hint or "")) == repeats
 
 

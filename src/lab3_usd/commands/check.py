@@ -14,10 +14,10 @@ from msgspec.structs import replace
 from lab3_usd import hooks
 from lab3_usd.commands.shared.configuration import (
     ConfigOptions,
-    as_text,
     asset_places,
     config_options,
     configured,
+    path_text,
 )
 from lab3_usd.commands.shared.options import (
     ReportOptions,
@@ -109,10 +109,10 @@ def command(
     config = configured(paths, configuration, rules, assets)
     asked = replace(
         asked,
-        starter=asked.starter or as_text(config.starter),
-        maps=asked.maps or as_text(config.maps),
+        starter=asked.starter or path_text(config.starter),
+        maps=asked.maps or path_text(config.maps),
     )
-    from lab3_usd.commands.shared.judging import run
+    from lab3_usd.commands.shared.judging import judge_and_report
     from lab3_usd.commands.shared.reporting import Reporting, refuse_unusable
 
     shared = tuple(file for file in (asked.starter, asked.maps) if file is not None)
@@ -122,7 +122,7 @@ def command(
         judge = _untrusting_judge(asked.starter, assets)
     else:
         judge = _judge(shared, asked, reporting)
-    sys.exit(run(paths, judge, reporting))
+    sys.exit(judge_and_report(paths, judge, reporting))
 
 
 def _refuse_trust(

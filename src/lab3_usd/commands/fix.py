@@ -13,9 +13,9 @@ from msgspec.structs import replace
 
 from lab3_usd.commands.shared.configuration import (
     ConfigOptions,
-    as_text,
     config_options,
     configured,
+    path_text,
 )
 from lab3_usd.commands.shared.options import (
     RuleOptions,
@@ -90,7 +90,7 @@ def repair_stages(
     for name, release in (("--isaac", repair.release), ("--from", repair.moved_from)):
         if release is not None and not repair.lint:
             raise UsageError(f"{name} goes with --lint")
-    repair = replace(repair, starter=repair.starter or as_text(config.starter))
+    repair = replace(repair, starter=repair.starter or path_text(config.starter))
     if len(stages) == 1:
         return _fix(stages[0], repair, writing, config)
     return max(_fix_one_of_several(stage, repair, writing, config) for stage in stages)

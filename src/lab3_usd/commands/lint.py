@@ -10,10 +10,10 @@ from msgspec import Struct
 
 from lab3_usd.commands.shared.configuration import (
     ConfigOptions,
-    as_text,
     config_options,
     configured,
     leave_broken_lab,
+    path_text,
 )
 from lab3_usd.commands.shared.options import (
     ReportOptions,
@@ -93,7 +93,7 @@ def command(
         sys.exit(repair_stages(paths, repair, writing, config))
     if asked.diff or asked.in_place:
         raise UsageError("--diff and --in-place go with --fix")
-    from lab3_usd.commands.shared.judging import Judge, run
+    from lab3_usd.commands.shared.judging import Judge, judge_and_report
     from lab3_usd.commands.shared.reporting import Reporting, refuse_unusable, wants_native
 
     refuse_unusable(paths, report)
@@ -119,5 +119,5 @@ def command(
         judge=lambda targets, jobs: judge_all(settings, targets, jobs),
         module="lab3_usd.check.lint",
     )
-    reporting = Reporting(report, view, config, as_text(config.starter))
-    sys.exit(run(paths, judge, reporting))
+    reporting = Reporting(report, view, config, path_text(config.starter))
+    sys.exit(judge_and_report(paths, judge, reporting))

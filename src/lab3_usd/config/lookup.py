@@ -76,7 +76,7 @@ def _parsed(path: Path) -> dict[str, Any]:
     return content
 
 
-def located(error: UsageError, path: Path) -> UsageError:
+def located_in_config(error: UsageError, path: Path) -> UsageError:
     """Return an error that begins with a configuration file and its keys, with the place added."""
     text = path.read_text(encoding="utf-8")
     start = max(0, text.find(f"[{TOOL}.{TABLE}")) if path.name == SHARED_NAME else 0

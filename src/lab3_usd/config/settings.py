@@ -11,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import check_rule_names
-from lab3_usd.config.lookup import find_file, located, read_table
+from lab3_usd.config.lookup import find_file, located_in_config, read_table
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_among
 
@@ -85,7 +85,7 @@ def places_for(path: Path) -> Config:
     try:
         return _config_of(file, given)
     except UsageError as error:
-        raise located(error, file) from error
+        raise located_in_config(error, file) from error
 
 
 def load_config(file: Path) -> Config:
@@ -98,7 +98,7 @@ def load_config(file: Path) -> Config:
     try:
         return _config_of(file, given)
     except UsageError as error:
-        raise located(error, file) from error
+        raise located_in_config(error, file) from error
 
 
 def _config_of(file: Path, given: Mapping[str, Any]) -> Config:

@@ -51,7 +51,7 @@ def list_submission(
     return Listing(
         entries=entries,
         stage_folder=home,
-        stages=find_stages(usable, home, lab, spec.stages),
+        stages=find_checkpoint_stages(usable, home, lab, spec.stages),
         starter=_starter(usable, folder_named(root, spec.folders.starter), spec),
         deliverables=find_deliverables(root, usable, spec),
         complete=len(listed) < most,
@@ -139,7 +139,7 @@ _MOST_GUESSED = 100
 _ALIKE = 0.82  # of 1; `Lab3_lidar` and `Lab3_03_lidar` are alike to 0.87
 
 
-def find_stages(
+def find_checkpoint_stages(
     usable: Sequence[FolderFile], home: str, lab: Lab, files: StageFiles
 ) -> dict[str, StageFile]:
     """Return the file of each checkpoint: the one named right, else the one most likely meant.

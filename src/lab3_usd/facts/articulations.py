@@ -12,7 +12,7 @@ from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT, DrivePorts
-from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.physics import (
@@ -140,7 +140,7 @@ def unused_indices(node: Node, ports: DrivePorts, stage: StageModel) -> Value | 
     indices = effective_value(node, ports.indices, live_nodes(stage))
     if facts is None or not isinstance(indices, tuple) or not indices or any(indices):
         return None
-    return indices if is_within(stage.platform.release, "", facts.zeros_until) else None
+    return indices if is_release_within(stage.platform.release, "", facts.zeros_until) else None
 
 
 def articulations(top: str, stage: StageModel) -> Sequence[str]:

@@ -11,7 +11,7 @@ from lab3_usd.facts.reaching_values import live_sources
 from lab3_usd.isaac.behaviour import BodyOf
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 
@@ -52,7 +52,7 @@ def _followed_bodies(stage: StageModel) -> Iterator[Followed]:
         if demand is None or prim is None:
             continue
         path = prim.path
-        is_robot = demand.robot in prim.apis and is_within(
+        is_robot = demand.robot in prim.apis and is_release_within(
             stage.platform.release, demand.robot_since, ""
         )
         if is_robot and not _is_body(prim, demand):

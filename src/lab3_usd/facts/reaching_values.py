@@ -6,7 +6,7 @@ from collections.abc import Iterable, Mapping
 from functools import lru_cache
 
 from lab3_usd.isaac.graph_form import VARIABLE
-from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, is_refused
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, drops_wire
 from lab3_usd.isaac.pure_nodes import (
     PURE_NODES,
     NoOutputError,
@@ -77,7 +77,7 @@ def _is_taken(source: NodeType, source_port: str, target: NodeType, port: str) -
     if start is None or end is None or not may_give(start):
         return False
     is_known = source.is_known_port(source_port) and target.is_known_port(port)
-    return not (is_known and is_refused(start, end))
+    return not (is_known and drops_wire(start, end))
 
 
 def is_source(node: Node, port: str) -> bool:

@@ -13,7 +13,7 @@ from msgspec import Struct
 from lab3_usd.facts.sensor_rules import breaches
 from lab3_usd.facts.sensor_values import SensorValues, values_of
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.isaac.sensor_models import INSTANCE, Ends, SensorModels
 from lab3_usd.model.finding import Severity, display
 from lab3_usd.model.prims import Prim
@@ -108,13 +108,13 @@ def sensor_faults(platform: Platform, values: SensorValues) -> tuple[SensorFault
 
 def _all_faults(platform: Platform, values: SensorValues, wrong: set[str]) -> Iterator[SensorFault]:
     models, release = platform.sensor_models, platform.release
-    is_known = is_within(release, _KNOWN_SINCE, "")
+    is_known = is_release_within(release, _KNOWN_SINCE, "")
     if is_known:
         yield from _types(values, models)
     for name in dict.fromkeys(name for name, _ in models.applied(values.apis)):
         part = models.rules.get(name)
         for rule in () if part is None else part.rules:
-            if part is not None and is_within(release, rule.since, rule.until):
+            if part is not None and is_release_within(release, rule.since, rule.until):
                 for breach in breaches(rule, part, values, wrong):
                     yield SensorFault(
                         breach.names,
@@ -184,7 +184,7 @@ def _is_token_judged(name: str, platform: Platform) -> bool:
         name in map(part.whole, rule.of)
         for part in platform.sensor_models.rules.values()
         for rule in part.rules
-        if rule.among and is_within(platform.release, rule.since, rule.until)
+        if rule.among and is_release_within(platform.release, rule.since, rule.until)
     )
 
 

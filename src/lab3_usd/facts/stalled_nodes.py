@@ -24,7 +24,7 @@ from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.isaac.behaviour import Need
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import number
 from lab3_usd.model.stage import GraphModel, Node, StageModel, Unknown, once_per_stage
@@ -34,7 +34,7 @@ def needs_of(node: Node, platform: Platform, live: Nodes) -> Iterator[Need]:
     """Yield what a node needs by the platform, as it is set and wired."""
     kind = node.type
     for need in platform.needs.get(kind.type, ()) if kind is not None else ():
-        if not is_within(platform.release, "", need.until):
+        if not is_release_within(platform.release, "", need.until):
             continue
         if need.when and not (is_given(node, need.when, live) or _is_on(node, need.when)):
             continue

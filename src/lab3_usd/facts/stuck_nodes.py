@@ -26,7 +26,7 @@ from lab3_usd.facts.stalled_nodes import is_given, unmet_needs
 from lab3_usd.isaac.behaviour import TargetOf
 from lab3_usd.isaac.node_types import INPUT, KIND
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.isaac.topics import product_input
 from lab3_usd.model.physics import (
     ARTICULATION_API,
@@ -217,7 +217,7 @@ class RefusedTarget(Struct, frozen=True, eq=False):
 def refused_target(node: Node, stage: StageModel) -> RefusedTarget | None:
     """Return the prim that a node is to read and cannot, None where there is none."""
     asked = None if node.type is None else stage.platform.targets.get(node.type.type)
-    if asked is None or not is_within(stage.platform.release, asked.since, ""):
+    if asked is None or not is_release_within(stage.platform.release, asked.since, ""):
         return None
     prim = stage.prim(next(iter(node.targets(INPUT + asked.input)), ""))
     if prim is None or _is_readable(prim, asked, stage):

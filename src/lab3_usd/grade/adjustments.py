@@ -11,7 +11,7 @@ from msgspec import Struct
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.grade.rubric import Rubric
-from lab3_usd.grade.text_table import TextTable, read_table
+from lab3_usd.grade.text_table import TextTable, read_text_table
 
 ADJUSTMENTS = "adjustments.csv"  # the copy that the gradebook keeps
 _COLUMNS = ("student", "item", "points", "text")
@@ -49,7 +49,7 @@ def adjustments_in(
     path = given or copy
     if given is None and not copy.is_file():
         return None
-    table = read_table(path)
+    table = read_text_table(path)
     headings = [heading.casefold() for heading in table.headings] if table.rows else []
     if not set(_COLUMNS) <= set(headings):
         raise UsageError(f"{path}: needs the columns {', '.join(_COLUMNS)}")

@@ -51,7 +51,7 @@ def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) 
     failed: dict[_Key, str] = {}
     for key, (path, each) in reversed(first.items()):
         try:
-            shown[key] = shown_by(path, lab, each, later)
+            shown[key] = faults_in_dry_run(path, lab, each, later)
         except MemoryError:  # noqa: PERF203
             raise
         except Exception as error:  # noqa: BLE001 - whatever it raises is its crash
@@ -65,7 +65,7 @@ def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) 
     return replace(facts, stages=tuple(stages), crashes=crashes)
 
 
-def shown_by(
+def faults_in_dry_run(
     path: Path, lab: Lab, each: Mapping[str, Expected], later: _Later | None = None
 ) -> dict[str, str]:
     """Return what a dry run shows to be wrong, by topic, check and kind of fault.

@@ -18,7 +18,7 @@ from lab3_usd.grade.intake.people import MOODLE_NUMBER, id_key, name_keys
 from lab3_usd.grade.lock import locked
 from lab3_usd.grade.matching import GradedSubmission, Match, Matching, matched
 from lab3_usd.grade.rosters import PLATFORMS, Roster, RosterRow, number_in, read_roster
-from lab3_usd.grade.text_table import TextTable, filled, read_table
+from lab3_usd.grade.text_table import TextTable, filled_bytes, read_text_table
 from lab3_usd.report.safe_text import FORMULA_STARTS, printable, visible
 
 Outcome = Literal[
@@ -119,7 +119,7 @@ def fill_export(
         for match, decision in zip(matching.rows, decisions, strict=False)
         if decision.outcome in {"filled", "changed", "unchanged"}
     )
-    return FilledExport(roster, points, decisions, filled(roster.table, values), returned)
+    return FilledExport(roster, points, decisions, filled_bytes(roster.table, values), returned)
 
 
 def write_export(out: Path, export: FilledExport, *, force: bool = False) -> Path:
@@ -261,7 +261,7 @@ def _mapped_rows(
     Raises:
         UsageError: the file is no map, or names a submission that does not exist.
     """
-    table = read_table(path)
+    table = read_text_table(path)
     headings = [heading.casefold() for heading in table.headings] if table.rows else []
     if set(_GITHUB) <= set(headings):
         pairs = _github_pairs(table, [headings.index(name) for name in _GITHUB], submissions)

@@ -25,7 +25,7 @@ from lab3_usd.grade.intake.people import (
     name_key,
     name_keys,
 )
-from lab3_usd.grade.text_table import TextTable, read_table
+from lab3_usd.grade.text_table import TextTable, read_text_table
 
 
 class ExportFormat(Struct, frozen=True):
@@ -133,7 +133,7 @@ def read_roster(
         UsageError: it is no export of the platform, leaves open which column is meant, or does not
             say how many points that has.
     """
-    platform, table = PLATFORMS[name], read_table(path)
+    platform, table = PLATFORMS[name], read_text_table(path)
     headings = table.headings if table.rows else ()
     places: dict[str, int] = {}
     for index, heading in enumerate(headings):

@@ -58,12 +58,12 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
 
     def asks(self, requirement: Requirement) -> bool:
         """Whether the requirement, of this item's checkpoint, is one of this item's."""
-        return is_named(requirement.group, self.groups) and is_named(
+        return fits_name(requirement.group, self.groups) and fits_name(
             requirement.id, self.requirements
         )
 
 
-def is_named(name: str, patterns: Collection[str]) -> bool:
+def fits_name(name: str, patterns: Collection[str]) -> bool:
     """Whether a name fits one of these patterns."""
     return any(fnmatchcase(name, pattern) for pattern in patterns)
 
@@ -83,7 +83,7 @@ class Cap(Struct, frozen=True, forbid_unknown_fields=True):
     def looks_at(self, number: str, item: Item) -> bool:
         """Whether an error in the stage of this checkpoint limits the item."""
         if self.checkpoints:
-            return is_named(number, self.checkpoints)
+            return fits_name(number, self.checkpoints)
         return item.checkpoint in {"", number}
 
 

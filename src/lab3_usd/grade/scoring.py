@@ -13,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.grade.adjustments import Adjustment
-from lab3_usd.grade.rubric import Cap, Item, Rubric, is_named
+from lab3_usd.grade.rubric import Cap, Item, Rubric, fits_name
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult, is_among
 from lab3_usd.model.grade import ADJUSTED, REMARK
 from lab3_usd.spec.submission import named_checkpoint
@@ -329,7 +329,7 @@ def _own_losses(rubric: Rubric, item: Item, stage: StageFacts) -> Iterator[_Loss
     titles = rubric.titles[stage.checkpoint]
     blemished: set[str] = set()
     for name in stage.unmet:
-        breaks = is_named(name, item.breaks) and name not in stage.slight
+        breaks = fits_name(name, item.breaks) and name not in stage.slight
         if name in asked or breaks:
             share = 1.0 if breaks else rubric.weights[asked[name].kind] / total
             if not breaks and _place_of(name) not in blemished:
@@ -343,8 +343,8 @@ def _own_losses(rubric: Rubric, item: Item, stage: StageFacts) -> Iterator[_Loss
     for fault in stage.faults:
         names = [f"{part}/error/{fault.rule}" for part in _parts(fault)]
         is_own = _is_home(rubric, item, stage, fault)
-        concerns = is_own or any(is_named(part, item.groups) for part in _parts(fault))
-        breaks = any(is_named(name, item.breaks) for name in names)
+        concerns = is_own or any(fits_name(part, item.groups) for part in _parts(fault))
+        breaks = any(fits_name(name, item.breaks) for name in names)
         breaks = breaks or (concerns and is_among(fault.rule, item.breaks))
         fails_nothing = unmet.isdisjoint(rubric.counted.intersection(fault.unmet))
         if breaks or (is_own and fails_nothing and not rubric.is_priced(fault.rule)):
@@ -373,7 +373,7 @@ def _is_home(rubric: Rubric, item: Item, stage: StageFacts, fault: Fault) -> boo
     """Whether an error takes from this item: the first that counts its part, else the stage's."""
     parts = _parts(fault)
     for known in rubric.until(stage.checkpoint):
-        if rubric.asked[known.id] and any(is_named(part, known.groups) for part in parts):
+        if rubric.asked[known.id] and any(fits_name(part, known.groups) for part in parts):
             return known is item
     return item.checkpoint == stage.checkpoint
 
@@ -397,7 +397,7 @@ def _earlier_losses(rubric: Rubric, item: Item, stage: StageFacts, kept: float) 
     for known in earlier if share else ():
         losses = [*_own_losses(rubric, known, stage)]
         if rubric.asked[item.id]:
-            losses = [loss for loss in losses if is_named(loss.requirement, item.rests)]
+            losses = [loss for loss in losses if fits_name(loss.requirement, item.rests)]
         lost = share * known.points / points * (1.0 - _kept(known, losses))
         if lost:
             first = max(losses, key=lambda loss: loss.share)

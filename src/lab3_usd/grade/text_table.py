@@ -58,7 +58,7 @@ class TextTable(Struct, frozen=True):
         return cells[column].value if column < len(cells) else ""
 
 
-def read_table(path: Path) -> TextTable:
+def read_text_table(path: Path) -> TextTable:
     """Read a table with commas, semicolons or tabs, in UTF-8 or UTF-16.
 
     Raises:
@@ -109,7 +109,7 @@ def _rows(text: str, delimiter: str, path: Path) -> tuple[tuple[Cell, ...], ...]
     return tuple(rows)
 
 
-def filled(table: TextTable, values: Mapping[tuple[int, int], str]) -> bytes:
+def filled_bytes(table: TextTable, values: Mapping[tuple[int, int], str]) -> bytes:
     """Return the bytes of the table with cells filled in, by row and column.
 
     A value is quoted where it must be, and where the cell or its heading is.

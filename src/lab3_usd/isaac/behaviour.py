@@ -9,7 +9,7 @@ from typing import Literal
 
 from msgspec import Struct
 
-from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.releases import is_release_within
 
 
 class Need(Struct, frozen=True, forbid_unknown_fields=True):
@@ -60,7 +60,11 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
 
     def schemas_in(self, release: str) -> set[str]:
         """Return the schemas that make a prim such a sensor in a release."""
-        return {name for name, last in self.schemas_until.items() if is_within(release, "", last)}
+        return {
+            name
+            for name, last in self.schemas_until.items()
+            if is_release_within(release, "", last)
+        }
 
 
 class BodyOf(Struct, frozen=True, forbid_unknown_fields=True):

@@ -124,7 +124,7 @@ def without_role(ogn_type: str) -> tuple[str, str]:
     return _PRECISIONS[known[2]], shape
 
 
-def is_refused(source: Port, target: Port) -> bool:
+def drops_wire(source: Port, target: Port) -> bool:
     """Whether OmniGraph surely drops a wire from `source` to `target` when it opens a stage."""
     return not can_connect(source, target) and not differ_in_role(source, target)
 

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from msgspec import Struct
 
-from lab3_usd.isaac.releases import is_within, order
+from lab3_usd.isaac.releases import is_release_within, order
 
 ANY = "*"
 
@@ -65,7 +65,7 @@ class Breaks(Struct, frozen=True, forbid_unknown_fields=True):
 
     def ends_at(self, written: str, release: str) -> bool:
         """Whether the renaming ends at a node of this type in a release."""
-        return written in self.types and is_within(release, self.since, self.until)
+        return written in self.types and is_release_within(release, self.since, self.until)
 
 
 class Skips(Struct, frozen=True, forbid_unknown_fields=True):

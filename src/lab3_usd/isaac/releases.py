@@ -18,7 +18,7 @@ BASE = (
 _OLDEST, _YEARS = 2000, 2100  # years that name releases lie between
 
 
-def is_within(release: str, since: str, until: str) -> bool:
+def is_release_within(release: str, since: str, until: str) -> bool:
     """Whether a release is one of those from `since` to `until`, '' for no bound."""
     return (not since or order(since) <= order(release)) and (
         not until or order(release) <= order(until)

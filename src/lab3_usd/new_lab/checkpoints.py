@@ -21,8 +21,8 @@ from lab3_usd.spec.contradictions.names import (
     FRAME_FIELDS,
     GraphTopic,
     graph_topics,
+    spec_value,
     transform_topics,
-    value_of,
 )
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, Lab
@@ -420,7 +420,7 @@ def _is_static(lab: Lab, topic: GraphTopic) -> bool:
     """Whether a publisher sends transforms once, for those who come late as well."""
     node = lab.graphs[topic.graph].nodes[topic.role]
     port = node.type.tf.static or "" if node.type.tf is not None else ""
-    return bool(port) and value_of(node, port) is True
+    return bool(port) and spec_value(node, port) is True
 
 
 def _commands(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:

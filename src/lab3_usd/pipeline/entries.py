@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
-from lab3_usd.errors import Lab3Error, StageError, UsageError, described
+from lab3_usd.errors import Lab3Error, StageError, UsageError, failure_text
 from lab3_usd.files import is_script_file
 from lab3_usd.model.finding import Submission
 from lab3_usd.pipeline.any_stage import lint_platform
@@ -151,7 +151,7 @@ def judge_all(settings: JudgeSettings, targets: Sequence[Target], jobs: int) -> 
     """
     jobs = min(jobs, len(targets))
     if jobs <= 1:
-        return map(partial(judge, with_open_starter(settings)), targets)
+        return map(partial(judge_target, with_open_starter(settings)), targets)
     from lab3_usd.pipeline.processes import in_processes
 
     return in_processes(
@@ -175,10 +175,10 @@ def _judge_in_process(settings: JudgeSettings, target: Target) -> Results:
     from lab3_usd.check.own_rules import add_own_rules
 
     add_own_rules(settings.config.rules)
-    return judge(with_kept_starter(settings), target)
+    return judge_target(with_kept_starter(settings), target)
 
 
-def judge(settings: JudgeSettings, target: Target) -> Results:
+def judge_target(settings: JudgeSettings, target: Target) -> Results:
     """Judge a stage, a script or a submission; where this program fails, that is its result."""
     try:
         if target.is_submission:
@@ -211,7 +211,7 @@ def judge(settings: JudgeSettings, target: Target) -> Results:
     except (Lab3Error, MemoryError):
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other targets are judged
-        return crashed_target(settings, target, described(error), FAILED)
+        return crashed_target(settings, target, failure_text(error), FAILED)
     return (result,), ()
 
 

@@ -16,7 +16,7 @@ from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.deliverables.maps import SuppliedMap, opens_all
 from lab3_usd.deliverables.submission import folder_named, list_submission, stage_ending
-from lab3_usd.errors import Lab3Error, StageError, described
+from lab3_usd.errors import Lab3Error, StageError, failure_text
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
 from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject, UnjudgedStage
 from lab3_usd.pipeline.deliverables import (
@@ -174,7 +174,7 @@ def _results(
         except Exception as error:
             if type(error).__module__.startswith("pxr."):
                 raise  # the file is damaged, which the caller tells from a failure of ours
-            result = crashed(path, number, described(error), FAILED)
+            result = crashed(path, number, failure_text(error), FAILED)
         yield number, result
 
 

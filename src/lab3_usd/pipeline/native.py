@@ -10,7 +10,7 @@ from lab3_usd.check.rule_runs import run_family
 from lab3_usd.errors import StageError
 from lab3_usd.model.finding import StageResult
 from lab3_usd.model.native import FAMILY, NativeErrors
-from lab3_usd.pipeline.results import located, unreadable, with_findings
+from lab3_usd.pipeline.results import located_findings, unreadable_result, with_findings
 
 
 def require_native() -> None:
@@ -44,9 +44,9 @@ def with_native(result: StageResult) -> StageResult:
         with stage_errors(path):
             errors = native_errors(stage, result.path)
     except StageError as error:  # of a prim that no other rule asks for
-        return unreadable(result.path, result.checkpoint, error)
+        return unreadable_result(result.path, result.checkpoint, error)
     judged = run_family("native", FAMILY, NativeErrors(errors), None)
-    native_findings = located(judged.findings, path, stage)
+    native_findings = located_findings(judged.findings, path, stage)
     return with_findings(
         replace(result, crashes=(*result.crashes, *judged.crashes)),
         (*result.findings, *native_findings),

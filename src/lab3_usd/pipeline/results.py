@@ -81,7 +81,7 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
         is_for_others = named and not any(rule.scope in scopes for rule in named)
         if note not in used and not is_for_others:
             unused = unused_note(note)
-            kept += unused if note.written else located(list(unused), path, stage)
+            kept += unused if note.written else located_findings(list(unused), path, stage)
     return with_findings(result, kept)
 
 
@@ -100,7 +100,7 @@ def without_noted(findings: Sequence[Finding], stage: Any, path: Path) -> tuple[
     notes = _notes_in(stage, str(path))
     if not notes:
         return tuple(findings)
-    pairs = zip(findings, located(findings, path, stage), strict=True)
+    pairs = zip(findings, located_findings(findings, path, stage), strict=True)
     return tuple(
         finding for finding, placed in pairs if not any(note.covers(placed) for note in notes)
     )
@@ -123,7 +123,7 @@ _OLDER = "go back to an older copy of the file"
 _REPEAT = "open the stage of the checkpoint before, repeat this part, and save it under this name"
 
 
-def unreadable(path: str, checkpoint: str | None, reason: StageError | str) -> StageResult:
+def unreadable_result(path: str, checkpoint: str | None, reason: StageError | str) -> StageResult:
     """Return the result for a file that no stage can be read from."""
     line, column = (reason.line, reason.column) if isinstance(reason, StageError) else (None, None)
     text = str(reason).removeprefix(f"{path}: ")
@@ -156,7 +156,7 @@ def crashed(path: str, checkpoint: str | None, how: str, what: str = ENDED) -> S
     `what` says so where that was something else.
     """
     reason = f"{what} ({how})"
-    result = unreadable(path, checkpoint, reason)
+    result = unreadable_result(path, checkpoint, reason)
     if what == FAILED:
         hint = "the file may be right: please report this, with the file"
         result = replace(result, findings=tuple(replace(f, hint=hint) for f in result.findings))
@@ -175,7 +175,9 @@ def with_findings(result: StageResult, findings: Iterable[Finding]) -> StageResu
     return replace(result, findings=ordered(findings))
 
 
-def located(findings: Collection[Finding], path: Path | str, stage: Any) -> Iterator[Finding]:
+def located_findings(
+    findings: Collection[Finding], path: Path | str, stage: Any
+) -> Iterator[Finding]:
     """Yield findings of an open stage with their layer, line and column."""
     if not findings:
         return

@@ -29,7 +29,7 @@ from lab3_usd.model.finding import (
     is_among,
     ordered,
 )
-from lab3_usd.pipeline.results import unreadable, unused_note
+from lab3_usd.pipeline.results import unreadable_result, unused_note
 
 if TYPE_CHECKING:
     from lab3_usd.model.stage import StageModel
@@ -60,7 +60,7 @@ def lint_script(path: str | Path, settings: ScriptSettings) -> StageResult:
     try:
         script = read_script(Path(path), settings.platform, settings.scene)
     except StageError as error:
-        return unreadable(str(path), None, error)
+        return unreadable_result(str(path), None, error)
     if script is None:
         parts = BuiltParts()
         coverage = NodeCoverage(built=parts)

@@ -17,7 +17,12 @@ from lab3_usd.files import is_script_file
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import StageResult, ordered
 from lab3_usd.pipeline.any_stage import lint_platform, lint_subject, scene_at
-from lab3_usd.pipeline.results import located, scopes_run, unreadable, without_ignored
+from lab3_usd.pipeline.results import (
+    located_findings,
+    scopes_run,
+    unreadable_result,
+    without_ignored,
+)
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -139,11 +144,11 @@ def judge_stage(
                     if known is not None:
                         known[key] = judged
         except StageError as error:
-            return unreadable(str(path), None if at is None else at[1], error)
+            return unreadable_result(str(path), None if at is None else at[1], error)
         findings = judged.findings
         # Notes of a lab ask for no repair: a stage that passes is not read again for them.
         if at is None or any(finding.severity != "note" for finding in findings):
-            findings = tuple(located(findings, path, stage))
+            findings = tuple(located_findings(findings, path, stage))
         result = StageResult(
             path=str(path),
             checkpoint=None if at is None else at[1],

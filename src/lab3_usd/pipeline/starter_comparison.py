@@ -22,7 +22,7 @@ from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Site, repair_by
 from lab3_usd.model.finding import Finding, StageResult, ordered
-from lab3_usd.pipeline.results import located, unreadable
+from lab3_usd.pipeline.results import located_findings, unreadable_result
 from lab3_usd.spec.lab import Lab
 
 _FAMILY = "U"
@@ -110,7 +110,7 @@ def open_against_starter(
         judged = _compared(beside, reported)
         kept = tuple(_with_undoing(kept, beside, frozenset(blamed)))
     except StageError as error:  # of a prim that nothing else asks for
-        return unreadable(result.path, result.checkpoint, error)
+        return unreadable_result(result.path, result.checkpoint, error)
     roots = [id(finding) for finding in fold((*kept, *judged.findings))]
     kept = tuple(finding for finding in kept if id(finding) in roots)
     excused_ids = unmet_by(result.findings) - unmet_by(kept)
@@ -201,5 +201,5 @@ def _compared(beside: _Beside, reported: _ReportedSites) -> RuleResults:
         ),
     )
     judged = run_family("starter", _FAMILY, subject, lab)
-    findings = located(judged.findings, beside.path, stage)
+    findings = located_findings(judged.findings, beside.path, stage)
     return replace(judged, findings=tuple(findings))

@@ -74,7 +74,7 @@ def tree_name(heard: HeardTree, trees: Sequence[HeardTree]) -> str:
     return heard.topic if is_one else f"{heard.topic} in domain {heard.domain}"
 
 
-def as_text(
+def as_lines(
     report: TreeReport, width: int = sys.maxsize, *, verbose: bool = False
 ) -> Iterator[str]:
     """Yield the lines of the tree; `verbose` names publisher and rate of each transform.
@@ -139,7 +139,7 @@ def _rows(parent: str, lead: str, children: dict[str, list[Edge]]) -> list[tuple
     return [(edge, lead, edge is below[-1]) for edge in reversed(below)]
 
 
-def as_dot(report: TreeReport) -> str:
+def tree_dot(report: TreeReport) -> str:
     """Return the tree for Graphviz: each edge is labelled with its publisher, faults are red.
 
     The tops of further trees are orange, and say so. What cannot be known is grey. Frames of one
@@ -173,7 +173,7 @@ def as_dot(report: TreeReport) -> str:
     return "\n".join([*lines, "}"])
 
 
-def as_json(report: TreeReport) -> str:
+def tree_json(report: TreeReport) -> str:
     """Return the transforms, the roots and what is wrong with the shape, as one JSON object."""
     data = {
         "file": report.path,

@@ -64,7 +64,7 @@ def serialized(message: Message) -> bytes | None:
     return None if made is None else bytes(STORE.serialize_cdr(made, message.type))
 
 
-def command(leg: Leg) -> tuple[str, bytes]:
+def command_message(leg: Leg) -> tuple[str, bytes]:
     """Return the message of a leg, and its type."""
     if leg.joints:
         message = Message(JOINTS, 0.0, data=joint_command(leg))

@@ -36,7 +36,7 @@ def misnomers(path: Path, types: Collection[str]) -> Iterator[Misnomer]:
     stage = open_stage(path)  # which ends with the last name of it
     for prim in stage.TraverseAll():
         place, kind = str(prim.GetPath()), str(prim.GetTypeName())
-        meant = likely_type(kind, types)
+        meant = likely_schema(kind, types)
         if meant is not None:
             yield Misnomer(place, "", kind, meant)
             continue
@@ -46,7 +46,7 @@ def misnomers(path: Path, types: Collection[str]) -> Iterator[Misnomer]:
                 yield Misnomer(place, name, name, meant)
 
 
-def likely_type(name: str, types: Collection[str]) -> str | None:
+def likely_schema(name: str, types: Collection[str]) -> str | None:
     """Return the type that is like a name which no schema has; None for a known or strange one."""
     known = {*_own_types(), *types}
     if not name or name in known:

@@ -9,7 +9,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import live_nodes, nodes_of, run_states
 from lab3_usd.facts.render_products import sensor_of
 from lab3_usd.facts.sensor_values import values_of
-from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.model.finding import Problem
 
 
@@ -36,7 +36,7 @@ def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
         prim = stage.prim(path)
         if asked is None or prim is None or prim.type not in asked.types:
             continue
-        for name in asked.equal if is_within(platform.release, *asked.equal_in) else ():
+        for name in asked.equal if is_release_within(platform.release, *asked.equal_in) else ():
             values = values_of(prim, stage)
             rate = values.number(name)
             if rate is None:

@@ -20,7 +20,7 @@ from lab3_usd.facts.articulations import (
 )
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.reaching_values import live_sources
-from lab3_usd.isaac.releases import is_within
+from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.model.changes import Edit, SetValue
 from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.physics import BODIES, bodies, ends, joints_at
@@ -169,7 +169,7 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
     """
     for command in commands(subject.stage):
         facts = subject.platform.joints.get(command.node.type.type if command.node.type else "")
-        may_spread = facts is not None and is_within(
+        may_spread = facts is not None and is_release_within(
             subject.platform.release, "", facts.spreads_until
         )
         # Without a name all joints are meant.

@@ -72,7 +72,7 @@ def configured(
     )
 
 
-def as_text(path: Path | None) -> str | None:
+def path_text(path: Path | None) -> str | None:
     """Return a path as the command line has one."""
     return None if path is None else str(path)
 

@@ -91,7 +91,7 @@ class Judge(Struct, frozen=True):
     renew: Callable[[], object] = tuple
 
 
-def run(paths: Iterable[str], judge: Judge, reporting: Reporting) -> int:
+def judge_and_report(paths: Iterable[str], judge: Judge, reporting: Reporting) -> int:
     """Judge everything that the paths name, print the report, and return the exit code.
 
     Raises:

@@ -164,7 +164,7 @@ def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str
     counts = f"{len(news.repaired)} repaired, {len(news.new)} new{changed}"
     if news.unknown:
         counts += f", {len(news.unknown)} unknown until it can be read"
-    yield printable(f"{clock()}  {saved}: {counts}; {', '.join(figures) or 'nothing'} left")
+    yield printable(f"{time_of_day()}  {saved}: {counts}; {', '.join(figures) or 'nothing'} left")
     for word, findings in (("new", news.new), ("changed", news.changed)):
         for finding in findings:
             yield printable(
@@ -176,7 +176,7 @@ def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str
         )
 
 
-def clock() -> str:
+def time_of_day() -> str:
     """Return the time of day."""
     return time.strftime("%H:%M:%S")
 
@@ -257,7 +257,7 @@ class _Session:
         names = self._watched.names()
         for name in names:
             self._judge(name)
-        self._show([f"{clock()}  watching, Ctrl-C ends"])
+        self._show([f"{time_of_day()}  watching, Ctrl-C ends"])
 
     def judge_until_folders_change(self, given: Iterable[str]) -> None:
         """Judge saved files until the set of watched folders changes."""
@@ -313,7 +313,7 @@ class _Session:
             for name in touched:
                 self._judge(name)
         except Lab3Error as error:  # of the starter; the reports stay as they were
-            click.echo(f"{clock()}  {error}", err=True)
+            click.echo(f"{time_of_day()}  {error}", err=True)
             return
         saved = ", ".join(touched or sorted(gone))
         after = self._whole()

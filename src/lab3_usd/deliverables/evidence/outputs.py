@@ -130,7 +130,7 @@ def _run_of(pattern: re.Pattern[str], text: str) -> Iterator[str]:
     return takewhile(pattern.fullmatch, dropwhile(lambda line: not pattern.fullmatch(line), lines))
 
 
-def parse_types(text: str) -> tuple[str, ...] | None:
+def parse_topic_types(text: str) -> tuple[str, ...] | None:
     """Read `ros2 topic type` (ros2topic/verb/type.py), which says nothing of an unknown topic."""
     lines = (line.strip() for line in text.splitlines())
     return tuple(dict.fromkeys(line for line in lines if _TYPE.match(line))) or None
@@ -138,7 +138,7 @@ def parse_types(text: str) -> tuple[str, ...] | None:
 
 def parse_rate(text: str) -> float | None:
     """Read `ros2 topic hz` (ros2topic/verb/hz.py): the last average in hertz, 0 when none came."""
-    rates = [number(found) for found in _RATE.findall(text)]
+    rates = [parsed_number(found) for found in _RATE.findall(text)]
     known = [rate for rate in rates if math.isfinite(rate)]
     if known:
         return known[-1]
@@ -203,7 +203,7 @@ def parse_lookup(text: str) -> Lookup | None:
     found = _TRANSLATION.findall(text)
     if not found:
         return Lookup(found=False) if _NO_TRANSFORM.search(text) else None
-    numbers = [number(digits) for digits in found[-1].split(",")]
+    numbers = [parsed_number(digits) for digits in found[-1].split(",")]
     if len(numbers) != 3:  # noqa: PLR2004 - x, y, z
         return Lookup(found=True)
     return Lookup(found=True, translation=(numbers[0], numbers[1], numbers[2]))
@@ -235,10 +235,10 @@ def parse_manifest(text: str) -> Iterator[Run]:
         columns = line.split("\t")
         if len(columns) == _FIELDS and re.fullmatch(r"\d{1,3}", columns[1]):
             file, status, start, seconds, command = columns
-            yield Run(file, int(status), start, number(seconds), command)
+            yield Run(file, int(status), start, parsed_number(seconds), command)
 
 
-def number(text: str) -> float:
+def parsed_number(text: str) -> float:
     """Return the number that a text is, nan when it is none."""
     try:
         return float(text)

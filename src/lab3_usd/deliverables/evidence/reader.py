@@ -21,7 +21,7 @@ _MOST_FILES = 2_000
 _PARSERS: Mapping[str, Callable[[str], object]] = {
     "topic_list": outputs.parse_names,
     "node_list": outputs.parse_names,
-    "topic_type": outputs.parse_types,
+    "topic_type": outputs.parse_topic_types,
     "topic_hz": outputs.parse_rate,
     "topic_echo": outputs.parse_message,
     "topic_info": outputs.parse_endpoints,
@@ -143,7 +143,7 @@ def _goal_by_words(text: str, goal: GoalSpec) -> Iterator[GoalRun]:
     """Read what the collecting script, `ros2 action send_goal` or Nav2's log say of a goal."""
     measured = _MEASURED.search(text)
     if measured:
-        yield GoalRun(int(measured[1]), outputs.number(measured[2]) if measured[2] else None)
+        yield GoalRun(int(measured[1]), outputs.parsed_number(measured[2]) if measured[2] else None)
     numbers = {name: number for number, name in enumerate(goal.names)}
     results = [word.lower() for word in _RESULT.findall(text)]
     # The log of a node, where its name stands in brackets before what it says.

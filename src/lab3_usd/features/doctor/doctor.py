@@ -62,12 +62,12 @@ def command() -> None:
     states = []
     for check in _checks():
         states.append(check.state)
-        click.echo("\n".join(lines_of(check)))
+        click.echo("\n".join(diagnosis_lines(check)))
     if "bad" in states:
         sys.exit(EXIT_FOUND)
 
 
-def lines_of(check: Diagnosis) -> Iterator[str]:
+def diagnosis_lines(check: Diagnosis) -> Iterator[str]:
     """Yield the lines of a check; a command is one line, however long, so that it can be copied."""
     head = f"{check.state:<8} {check.name:<10} "
     hanging = " " * len(head)

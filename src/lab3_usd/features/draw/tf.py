@@ -73,7 +73,7 @@ def command(
     from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.tf_picture import published_frames_picture
     from lab3_usd.report.safe_text import folded, printable
-    from lab3_usd.report.tf_tree import TreeReport, as_dot, as_json, as_text
+    from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_dot, tree_json
     from lab3_usd.report.topic_table import WIDTH
     from lab3_usd.spec.load.loader import load_lab
 
@@ -97,8 +97,8 @@ def command(
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates, tops)
     if form == "text":
-        lines = as_text(tree, terminal_width(), verbose=verbose)
+        lines = as_lines(tree, terminal_width(), verbose=verbose)
         rest = folded(f"? {not_judged}", WIDTH, rest="  ") if not_judged else []
         click.echo("\n".join([*lines, *rest]))
     else:
-        click.echo(as_dot(tree) if form == "dot" else as_json(tree))
+        click.echo(tree_dot(tree) if form == "dot" else tree_json(tree))

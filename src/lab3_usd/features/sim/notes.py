@@ -11,7 +11,7 @@ from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import run_rule
 from lab3_usd.data import program
 from lab3_usd.model.finding import StageResult
-from lab3_usd.pipeline.results import PlayedResult, unreadable, with_findings
+from lab3_usd.pipeline.results import PlayedResult, unreadable_result, with_findings
 from lab3_usd.report.behaviour.page import dry_run_summary
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
@@ -24,7 +24,7 @@ def with_dry_run(result: StageResult) -> PlayedResult:
     run = dry_run(Path(result.path), load_lab(), result.checkpoint)
     if run.behaviour.verdict == "unreadable":  # by damage where no rule looks
         reason = run.behaviour.not_simulated[0].reason
-        return PlayedResult(unreadable(result.path, result.checkpoint, reason))
+        return PlayedResult(unreadable_result(result.path, result.checkpoint, reason))
     hint = f"{program()} sim plays the stage and shows what it does"
     notes = []
     for check in (check for check in run.behaviour.checks if check.verdict == "bad"):

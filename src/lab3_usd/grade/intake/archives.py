@@ -24,9 +24,9 @@ from lab3_usd.grade.intake.submission_copy import (
     SubmissionCopy,
     TooLargeError,
     check_reached,
+    is_content_read,
     is_hidden,
     is_made_name,
-    is_read,
     made_folder,
     name_fault,
     only_name_counts,
@@ -275,7 +275,9 @@ def _tar_entries(
         count = 0
         for member in packed:
             is_made = is_made_name(member.name)
-            if is_read(member.name, member.size, copy.limits) and (copy.archives or not is_made):
+            if is_content_read(member.name, member.size, copy.limits) and (
+                copy.archives or not is_made
+            ):
                 total += max(member.size, 0)
             count += not is_made and (copy.archives or not member.isdir())
             copy.limits.check_count(count - 1)

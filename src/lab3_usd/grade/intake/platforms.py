@@ -55,7 +55,7 @@ class StudentNames(Struct, frozen=True):
     fault: str
 
 
-def read_metadata(path: Path) -> StudentNames:
+def read_student_names(path: Path) -> StudentNames:
     """Return who is who from a file; folders that it does not name keep their numbers."""
     try:
         if path.stat().st_size > LARGEST:

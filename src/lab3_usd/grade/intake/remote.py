@@ -35,8 +35,8 @@ from lab3_usd.grade.intake.submission_copy import (
     TooLargeError,
     UnreachedError,
     check_reached,
+    is_content_read,
     is_hidden,
-    is_read,
     name_fault,
 )
 
@@ -231,7 +231,7 @@ def _is_unread(path: str, inside: str, size: int, limits: Limits) -> bool:
     name = name_at(path)
     if is_archive(name) and "/" not in inside:
         return False
-    return not is_read(name, size, limits)
+    return not is_content_read(name, size, limits)
 
 
 def _copy(

@@ -208,7 +208,7 @@ def only_name_counts(name: str, size: int) -> bool:
     return lower.endswith(_ONLY_NAMES)
 
 
-def is_read(name: str, size: int, limits: Limits) -> bool:
+def is_content_read(name: str, size: int, limits: Limits) -> bool:
     """Whether the contents of a file are read: they are judged, and not too large."""
     return size <= limits.file_size and not only_name_counts(name, size)
 

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from lab3_usd.deliverables.submission import find_stages, folder_named
+from lab3_usd.deliverables.submission import find_checkpoint_stages, folder_named
 from lab3_usd.grade.intake.guard import can_be_read
 from lab3_usd.grade.intake.submission_copy import RefusedFile, SubmissionCopy
 from lab3_usd.model.folder import FolderFile
@@ -130,7 +130,7 @@ def stage_folder(copy: SubmissionCopy, place: str) -> StageFolder:
         for entry in os.scandir(folder / below)
         if entry.is_file()
     ]
-    found = find_stages(
+    found = find_checkpoint_stages(
         sorted(entries, key=lambda entry: entry.path), home, lab, lab.submission.stages
     )
     files = {number: folder / stage.path for number, stage in found.items()}
@@ -150,7 +150,7 @@ def _stray_stages(copy: SubmissionCopy, places: Sequence[str]) -> list[StageFold
     names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
     outside = [name for name in names if not any(_is_inside(name, place) for place in places)]
     entries = [FolderFile(name) for name in sorted(outside)]
-    found = find_stages(entries, "", lab, lab.submission.stages)
+    found = find_checkpoint_stages(entries, "", lab, lab.submission.stages)
     parents = {stage.path.rpartition("/")[0] for stage in found.values()}
     return [stage_folder(copy, parent) for parent in sorted(parents)]
 

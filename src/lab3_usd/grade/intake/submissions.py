@@ -17,7 +17,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import NoRoomError, UsageError, is_no_room
-from lab3_usd.grade.intake.addresses import address_below, name_at, shown
+from lab3_usd.grade.intake.addresses import address_below, name_at, shown_place
 from lab3_usd.grade.intake.archives import ArchiveError, is_archive, unpack
 from lab3_usd.grade.intake.download_names import ARCHIVE_END, is_receipt
 from lab3_usd.grade.intake.people import Person
@@ -33,7 +33,7 @@ from lab3_usd.grade.intake.platforms import (
     looks_like_submission,
     names_in,
     parts_of,
-    read_metadata,
+    read_student_names,
 )
 from lab3_usd.grade.intake.remote import archive_at, entries_at, read_at
 from lab3_usd.grade.intake.scratch import scratch_folder
@@ -108,7 +108,7 @@ def submissions_in(place: Path | str) -> Iterator[ClassLocation]:
         return
     with scratch_folder("lab3-class-") as scratch:
         path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
-        given = shown(place)
+        given = shown_place(place)
         yield ClassLocation(place, given) if path is None else _unpacked(path, given, scratch)
 
 
@@ -226,7 +226,9 @@ def find_submissions(
     Raises:
         UsageError: there is no such folder, it cannot be read, or nothing in it is a submission.
     """
-    location = place if isinstance(place, ClassLocation) else ClassLocation(place, shown(place))
+    location = (
+        place if isinstance(place, ClassLocation) else ClassLocation(place, shown_place(place))
+    )
     parts = (
         _at_address(location, location.where, notify)
         if isinstance(location.where, str)
@@ -276,7 +278,7 @@ def _in_folder(location: ClassLocation, folder: Path, notify: Notify) -> list[Su
         return [SubmissionPart(name, name, Source(folder.resolve(), left_out=missing), name)]
     names = StudentNames({}, "")
     if (METADATA, False) in entries:
-        names = read_metadata(folder / METADATA)
+        names = read_student_names(folder / METADATA)
     left_out: dict[str, list[RefusedFile]] = {}
     for (entry, _), refused in location.left_out:
         left_out.setdefault(entry, []).append(refused)

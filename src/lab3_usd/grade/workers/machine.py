@@ -10,7 +10,7 @@ from pathlib import Path
 
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.intake.scratch import make_scratch, remove_abandoned, remove_scratch
-from lab3_usd.grade.workers.messages import FAULT, FAULT_OF_ALL, KILLED, Json, Task, decode
+from lab3_usd.grade.workers.messages import FAULT, FAULT_OF_ALL, KILLED, Json, Task, decoded_message
 from lab3_usd.grade.workers.pool import WorkerSlot, judge_with_retries
 from lab3_usd.grade.workers.shipment import Shipment, unpacked
 from lab3_usd.grade.workers.worker_process import WorkerError
@@ -35,7 +35,7 @@ def judge_here(version: str, *rest: bytes) -> Json:
         return {FAULT_OF_ALL: f"lab3-usd {own} is installed there, not {version}"}
     digest, shipment, message = rest
     try:
-        judged, answer = judge_with_retries(_slot(digest, shipment), decode(message, Task))
+        judged, answer = judge_with_retries(_slot(digest, shipment), decoded_message(message, Task))
     except WorkerError as error:
         return {FAULT_OF_ALL: str(error)}
     except Lab3Error as error:

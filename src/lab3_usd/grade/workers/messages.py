@@ -35,7 +35,7 @@ PROGRAM = """
 import sys
 sys.path[:0] = sys.argv[1:]
 from lab3_usd.grade.workers import worker_main
-worker_main.main()
+worker_main.serve()
 """
 
 
@@ -127,7 +127,7 @@ def encode(message: Struct) -> bytes:
     return json.dumps(plain).encode() + b"\n"
 
 
-def decode(line: bytes, kind: type[_Message]) -> _Message:
+def decoded_message(line: bytes, kind: type[_Message]) -> _Message:
     """Return the message of a line.
 
     Raises:

@@ -38,7 +38,7 @@ from lab3_usd.grade.workers.messages import (
     Reply,
     Start,
     Task,
-    decode,
+    decoded_message,
     encode,
 )
 from lab3_usd.grade.workers.sandbox import (
@@ -60,12 +60,12 @@ _OURS = ("graphs", "maps", "schema")
 _UNTIL_COLLECTED = 20_000  # new objects; a submission leaves some hundreds that refer to each other
 
 
-def main() -> None:
+def serve() -> None:
     """Serve tasks until there are no more: the settings first, then a task on each line."""
     gc.set_threshold(_UNTIL_COLLECTED)
     tasks, answers = _channels()
     with tasks, answers:
-        start = decode(tasks.readline(), Start)
+        start = decoded_message(tasks.readline(), Start)
         sys.argv = [start.settings.typed]
         with assets_at(start.settings.assets):
             _serve(start, _confined(start), tasks, answers)
@@ -118,7 +118,7 @@ def _serve(start: Start, prepared: Prepared, tasks: BinaryIO, answers: BinaryIO)
     setup, readable, writable, walls = prepared
     send(encode(Ready(walls, _most_memory())))
     for line in tasks:
-        assignment = decode(line, Assignment)
+        assignment = decoded_message(line, Assignment)
         judge = partial(_judge, assignment, setup, scratch, send)
         if walls["files"]:
             paths = [source.path for source in assignment.task.sources]

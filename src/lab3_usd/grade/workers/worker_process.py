@@ -35,7 +35,7 @@ from lab3_usd.grade.workers.messages import (
     Reply,
     Start,
     Task,
-    decode,
+    decoded_message,
     encode,
 )
 
@@ -264,7 +264,7 @@ class Turn:
                 self._be_out_of_time(self.whole - known)
             self.fail(end.how, external=end.external)
         try:
-            return decode(line, kind)
+            return decoded_message(line, kind)
         except ValueError:
             self.fail(NONSENSE)
 

@@ -20,7 +20,7 @@ _KINDS = {
 }
 
 
-def check(stage: Usd.Stage, _time: Any) -> list[UsdValidation.ValidationError]:
+def found_errors(stage: Usd.Stage, _time: Any) -> list[UsdValidation.ValidationError]:
     """Return what the linter finds, each with its prim or property."""
     errors = []
     for finding in findings_of(stage):
@@ -39,7 +39,7 @@ def check(stage: Usd.Stage, _time: Any) -> list[UsdValidation.ValidationError]:
 def register() -> None:
     """Give the framework the function of the validator that `plugInfo.json` names."""
     registry = UsdValidation.ValidationRegistry()
-    registry.RegisterPluginStageValidator(NAME, check)
+    registry.RegisterPluginStageValidator(NAME, found_errors)
 
 
 register()

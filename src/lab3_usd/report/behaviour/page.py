@@ -31,18 +31,18 @@ from lab3_usd.report.behaviour.text import (
     sum_text,
 )
 from lab3_usd.report.html.templates import (
+    asset_text,
     content_policy,
-    environment,
+    jinja_environment,
     own_markup,
     palette_style,
-    text_of,
 )
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.picture.model import Box, port_id
 from lab3_usd.report.picture.svg import stylesheet, svg
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.report.pictures.tf_picture import published_frames_picture
-from lab3_usd.report.tf_tree import FAULT, TreeReport, as_text
+from lab3_usd.report.tf_tree import FAULT, TreeReport, as_lines
 from lab3_usd.spec.lab import Lab
 
 
@@ -159,9 +159,11 @@ def render(
 
     `findings` are what the rules say of the stage: they know the repair of what failed.
     """
-    style = palette_style() + text_of("sim.css") + text_of("maps.css") + text_of("picture.css")
+    style = (
+        palette_style() + asset_text("sim.css") + asset_text("maps.css") + asset_text("picture.css")
+    )
     style += stylesheet()
-    script = text_of("picture.js") + text_of("sim.js")
+    script = asset_text("picture.js") + asset_text("sim.js")
     plays = list(_plays(behaviour, replays))
     computed = _computed(replays.values())
     checks = sorted(behaviour.checks, key=lambda check: list(VERDICTS).index(check.verdict))
@@ -176,7 +178,7 @@ def render(
     edges = list(heard_edges(behaviour, plays[0].replay if plays else None))
     tops = _tops(behaviour)
     return (
-        environment()
+        jinja_environment()
         .get_template("sim.html.j2")
         .render(
             style=own_markup(style),
@@ -261,7 +263,7 @@ def _tops(behaviour: Behaviour) -> frozenset[str]:
 
 def tree_lines(edges: Sequence[Edge], tops: frozenset[str] = frozenset()) -> list[tuple[str, bool]]:
     """Return the lines of the TF trees, and whether each says that something is wrong."""
-    lines = as_text(TreeReport("", tuple(edges), tops=tops)) if edges else ()
+    lines = as_lines(TreeReport("", tuple(edges), tops=tops)) if edges else ()
     return [(line, line.startswith("! ") or FAULT in line) for line in lines]
 
 

@@ -9,7 +9,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Finding, Report, Requirement, StageResult
 from lab3_usd.model.grade import GradeItem
 from lab3_usd.report.entries import crashes, gaps, site, summarize, summary_line
-from lab3_usd.report.formats.markdown import code, text
+from lab3_usd.report.formats.markdown import code, escaped
 from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options, Rules
 
@@ -32,17 +32,17 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     tests = [] if grade is None else [_test(item, outputs) for item in grade.items]
     for submission in report.submissions:
         items = [
-            f"- {text(item.section)} {text(item.text)}: **{text(item.state)}**"
-            + (f" \\({text(item.because)}\\)" if item.because else "")
+            f"- {escaped(item.section)} {escaped(item.text)}: **{escaped(item.state)}**"
+            + (f" \\({escaped(item.because)}\\)" if item.because else "")
             for item in submission.checklist
         ]
         outputs[f"Submission {submission.path}"] = _output(submission.findings, "\n".join(items))
     tests += ({"name": name, "output": output} for name, output in outputs.items() if output)
-    overview = [text(summary_line(summarize(report)))]
+    overview = [escaped(summary_line(summarize(report)))]
     overview += ["No points: no stage is of a checkpoint"] if grade is None else []
-    overview += [f"Not judged: {text(gap)} \\({code(path)}\\)" for path, gap in gaps(report)]
+    overview += [f"Not judged: {escaped(gap)} \\({code(path)}\\)" for path, gap in gaps(report)]
     overview += [
-        f"Rule {text(crash.rule)} crashed on {code(path)}: {code(crash.error)}"
+        f"Rule {escaped(crash.rule)} crashed on {code(path)}: {code(crash.error)}"
         for path, crash in crashes(report)
     ]
     document = {
@@ -73,8 +73,8 @@ def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
 
 def _lost_lines(item: GradeItem) -> Iterator[str]:
     for line in item.lost:
-        yield f"- {text(line.text)}"
-        yield from (f"    - {text(below.text)}" for below in line.below)
+        yield f"- {escaped(line.text)}"
+        yield from (f"    - {escaped(below.text)}" for below in line.below)
 
 
 def _found(result: StageResult) -> Iterator[tuple[str, str]]:
@@ -88,7 +88,7 @@ def _found(result: StageResult) -> Iterator[tuple[str, str]]:
         inside = [finding for finding in left if group in finding.prim.split("/")]
         left = [finding for finding in left if finding not in inside]
         missed = [requirement for requirement in requirements if not requirement.met]
-        listed = "\n".join(f"- {text(requirement.title)}" for requirement in missed)
+        listed = "\n".join(f"- {escaped(requirement.title)}" for requirement in missed)
         rest = [f"Not met:\n\n{listed}"] if missed else []
         left_open = sum(not requirement.judged for requirement in requirements)
         if left_open:
@@ -102,8 +102,8 @@ def _output(findings: Collection[Finding], rest: str = "") -> str:
     """Return findings as a list, and the `rest` below."""
     items = []
     for finding in findings:
-        handout = f" \\(handout {text(finding.handout)}\\)" if finding.handout else ""
-        hint = f" {text(finding.hint)}" if finding.hint else ""
-        head = f"- **{text(finding.severity)} {text(finding.rule)}** {code(site(finding))}"
-        items.append(f"{head}: {text(finding.message)}{handout}{hint}")
+        handout = f" \\(handout {escaped(finding.handout)}\\)" if finding.handout else ""
+        hint = f" {escaped(finding.hint)}" if finding.hint else ""
+        head = f"- **{escaped(finding.severity)} {escaped(finding.rule)}** {code(site(finding))}"
+        items.append(f"{head}: {escaped(finding.message)}{handout}{hint}")
     return "\n\n".join(filter(None, ("\n".join(items), rest)))

@@ -33,14 +33,14 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     blocks = [f"# {load_lab().title} check" if is_of_lab else "# Isaac Sim lint"]
     for result in report.results:
         blocks.append(f"## {code(result.path)}")
-        verdict = f"**{text(result.verdict)}**"
-        score = text(score_text(result.score))
+        verdict = f"**{escaped(result.verdict)}**"
+        score = escaped(score_text(result.score))
         blocks.append(
-            f"Checkpoint {text(result.checkpoint)}: {verdict}, {score}"
+            f"Checkpoint {escaped(result.checkpoint)}: {verdict}, {score}"
             if result.checkpoint
             else verdict
         )
-        blocks += [f"Not judged: {text(gap)}" for gap in result.gaps]
+        blocks += [f"Not judged: {escaped(gap)}" for gap in result.gaps]
         blocks += _hidden(result)
         if result.findings:
             blocks.append(findings_table(result.findings, lint=not is_of_lab))
@@ -50,21 +50,26 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             blocks.append(f"## {code(submission.path)}")
         blocks += _hidden(submission)
         if submission.to_come:
-            blocks.append(text(to_come_text(submission.to_come, tuple(load_lab().checkpoints))))
+            blocks.append(escaped(to_come_text(submission.to_come, tuple(load_lab().checkpoints))))
         if submission.findings:
             blocks.append(findings_table(submission.findings))
         if submission.checklist and submission.handed_in:
             rows = (
-                (text(item.section), text(item.text), text(item.state), text(item.because))
+                (
+                    escaped(item.section),
+                    escaped(item.text),
+                    escaped(item.state),
+                    escaped(item.because),
+                )
                 for item in submission.checklist
             )
             blocks.append(table(("Handout", "Item", "State", "Because"), rows))
         blocks += _crashes(submission.crashes)
-    blocks.append(text(summary_line(summarize(report))))
+    blocks.append(escaped(summary_line(summarize(report))))
     return "\n\n".join(blocks) + "\n"
 
 
-def text(value: str) -> str:
+def escaped(value: str) -> str:
     """Return a string so escaped that Markdown shows it as it is, on one line."""
     return _MARKUP.sub(r"\\\1", visible(value))
 
@@ -88,12 +93,12 @@ def findings_table(findings: Iterable[Finding], *, lint: bool = False) -> str:
     """Return the table of findings, with the handout's sections where there is a handout."""
     rows = (
         (
-            text(finding.severity),
-            text(f"{finding.rule} {finding.name}"),
+            escaped(finding.severity),
+            escaped(f"{finding.rule} {finding.name}"),
             code(site(finding)),
-            text(finding.message),
-            text(how_to_repair(finding, lint=lint)),
-            text(finding.handout or ""),
+            escaped(finding.message),
+            escaped(how_to_repair(finding, lint=lint)),
+            escaped(finding.handout or ""),
         )
         for finding in findings
     )
@@ -104,8 +109,8 @@ def findings_table(findings: Iterable[Finding], *, lint: bool = False) -> str:
 
 def _hidden(result: StageResult | Submission) -> list[str]:
     said = hidden_text(severity_counts(result.hidden))
-    return [text(said[:1].upper() + said[1:])] if said else []
+    return [escaped(said[:1].upper() + said[1:])] if said else []
 
 
 def _crashes(crashes: Iterable[Crash]) -> list[str]:
-    return [f"Rule {text(crash.rule)} crashed: {code(crash.error)}" for crash in crashes]
+    return [f"Rule {escaped(crash.rule)} crashed: {code(crash.error)}" for crash in crashes]

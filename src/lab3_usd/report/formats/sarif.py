@@ -42,7 +42,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     notifications = [
         {
             "level": "error",
-            "message": message(f"rule {crash.rule} crashed: {crash.error}"),
+            "message": sarif_message(f"rule {crash.rule} crashed: {crash.error}"),
             "associatedRule": {"id": crash.rule},
             "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
         }
@@ -52,7 +52,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     notifications += [
         {
             "level": "warning",
-            "message": message(f"not judged: {gap}"),
+            "message": sarif_message(f"not judged: {gap}"),
             "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
         }
         for path, gap in gaps(report)
@@ -60,7 +60,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     notifications += [
         {
             "level": "note",
-            "message": message(text),
+            "message": sarif_message(text),
             "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
         }
         for path, text in hidden(report)
@@ -90,7 +90,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     return json_text({"$schema": SCHEMA, "version": VERSION, "runs": [run]}, 2)
 
 
-def message(text: str) -> Json:
+def sarif_message(text: str) -> Json:
     """Return a message whose braces and brackets stay text (SARIF 3.11.5 and 3.11.6)."""
     plain = visible(text).replace("{", "{{").replace("}", "}}")
     return {"text": _LINK.sub(r"\\[", plain)}
@@ -134,7 +134,7 @@ def _result(entry: ReportedFinding, fingerprint_text: str, root: str | None) -> 
     result = {
         "ruleId": finding.rule,
         "level": finding.severity,
-        "message": message(text),
+        "message": sarif_message(text),
         "locations": [{"physicalLocation": physical, "logicalLocations": [logical]}],
         "partialFingerprints": {FINGERPRINT: fingerprint_text},
     }
@@ -173,5 +173,7 @@ def _fixes(entry: ReportedFinding, options: Options) -> Json:
         for file, lines in replacements.items()
     ]
     return {
-        "fixes": [{"description": message(entry.finding.fix.title), "artifactChanges": artifacts}]
+        "fixes": [
+            {"description": sarif_message(entry.finding.fix.title), "artifactChanges": artifacts}
+        ]
     }

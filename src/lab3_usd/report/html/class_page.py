@@ -11,7 +11,7 @@ from markupsafe import Markup
 from msgspec import Struct
 
 from lab3_usd.model.grade import ADJUSTED, REMARK
-from lab3_usd.report.html.templates import content_policy, environment, text_of
+from lab3_usd.report.html.templates import asset_text, content_policy, jinja_environment
 from lab3_usd.report.options import NAME, tool_version
 
 STUDENTS, SHARED, REPORT = "students", "reports", "report.html"
@@ -75,8 +75,8 @@ def class_page(
     lost = losses(rows)
     known = [(row["percent"], row["name"] not in {"", row["student"]}) for row in rows]
     percents = [percent for percent, _ in known if percent is not None]
-    style, script = (text_of(name) for name in ("class.css", "class.js"))
-    page = environment().get_template("class.html.j2").stream(
+    style, script = (asset_text(name) for name in ("class.css", "class.js"))
+    page = jinja_environment().get_template("class.html.j2").stream(
         title=title,
         rows=rows,
         items=items,

@@ -38,7 +38,7 @@ from lab3_usd.report.options import Options
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import linted_pictures, stage_pictures
 from lab3_usd.report.safe_text import excerpt_lines, read_excerpts
-from lab3_usd.report.tf_tree import TreeReport, as_text
+from lab3_usd.report.tf_tree import TreeReport, as_lines
 from lab3_usd.report.topic_table import TopicReport, cells
 from lab3_usd.spec.contradictions.names import transform_topics
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -77,7 +77,7 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
         sent = TopicReport(result.path, endpoints(model), edges, hidden)
         return StageContent(
             pictures=tuple(pictures),
-            tree=tuple(as_text(tree)),
+            tree=tuple(as_lines(tree)),
             topics=tuple(tuple(cells(endpoint, sent)) for endpoint in sent.endpoints),
         )
     except StageError:  # it is damaged where no rule has looked
@@ -282,7 +282,7 @@ def editor_link(spot: Spot) -> str:
     return f"vscode://file{quote(rooted, safe='/:')}:{numbers}"
 
 
-def ranks(page_cards: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
+def ranked_cards(page_cards: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
     """Group cards, which are in order already, by severity, part and section of the handout."""
     titles: dict[str, list[str]] = {}
     for checkpoint in lab.checkpoints.values():

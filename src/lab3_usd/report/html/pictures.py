@@ -78,7 +78,7 @@ def gallery(
             if target is not None and set(fault.stages) & set(shared.stages):
                 targets[shared.id][fault.id] = target
     faults_and_topics = CHARACTERS_PER_FAULT * len(block_faults) + CHARACTERS_PER_TOPIC * len(
-        topics(contents)
+        topic_rows(contents)
     )
     characters_left = max(PICTURE_CHARACTERS - faults_and_topics, LEAST_CHARACTERS)
     drawn: dict[str, str] = {}
@@ -158,7 +158,7 @@ def _svg(
     return text.replace("<svg ", f'<svg id="{shared.id}" ', 1).replace('role="img"', role, 1)
 
 
-def topics(contents: Mapping[int, StageContent]) -> tuple[Topic, ...]:
+def topic_rows(contents: Mapping[int, StageContent]) -> tuple[Topic, ...]:
     """Return the rows of the topic table, each once, with the stages that have it."""
     stages: dict[tuple[str, ...], list[int]] = {}
     for index in sorted(contents):

@@ -12,11 +12,11 @@ from lab3_usd.report.html.model import (
     ChecklistSection,
     cards,
     editor_link,
-    ranks,
+    ranked_cards,
     read_content,
 )
-from lab3_usd.report.html.pictures import gallery, topics
-from lab3_usd.report.html.templates import fill
+from lab3_usd.report.html.pictures import gallery, topic_rows
+from lab3_usd.report.html.templates import fill_page
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.text import STATES, next_step, to_come_text
 from lab3_usd.report.topic_table import COLUMNS
@@ -39,7 +39,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     views = tuple(_view(block, lab, options) for block in blocks(report, lab, graded=graded))
     names = {card.fault.finding.rule for view in views for card in view.cards}
     quoted = [rules[name] for name in sorted(names) if name in rules] if rules else []
-    return fill(
+    return fill_page(
         "report.html.j2",
         more_style="maps.css" if report.dry_runs else "",
         dry_runs=report.dry_runs,
@@ -76,10 +76,10 @@ def _view(block: Block, lab: Lab, options: Options) -> BlockView:
             sections.setdefault(item.section, []).append(item)
     return BlockView(
         block=block,
-        ranks=ranks(list(cards(block, block_faults, shown.links, options=options)), lab),
+        ranks=ranked_cards(list(cards(block, block_faults, shown.links, options=options)), lab),
         graphs=tuple(picture for picture in shown.pictures if picture.kind != "frames"),
         trees=tuple(picture for picture in shown.pictures if picture.kind == "frames"),
-        topics=topics(contents),
+        topics=topic_rows(contents),
         checks=tuple(ChecklistSection(name, tuple(items)) for name, items in sections.items()),
         to_come=to_come,
         following=following,

@@ -25,20 +25,20 @@ _CODE = re.compile(r"`([^`]+)`")
 _LONG, _LINE = 20, 32  # letters of a word that may not fit into a line, and of a short line
 
 
-def fill(template: str, more_style: str = "", **values: object) -> str:
+def fill_page(template: str, more_style: str = "", **values: object) -> str:
     """Return a template with its values, and the page's style, script and policy.
 
     `more_style` is the file of another style that the page needs.
     """
-    return environment().get_template(template).render(**_common_values(more_style), **values)
+    return jinja_environment().get_template(template).render(**_common_values(more_style), **values)
 
 
 @lru_cache(maxsize=2)
 def _common_values(more_style: str) -> Mapping[str, object]:
     """Return the values of every page: style, script, and the policy that allows them."""
-    style = palette_style() + text_of("report.css") + text_of("picture.css") + stylesheet()
-    style += text_of(more_style) if more_style else ""
-    script = text_of("picture.js") + text_of("report.js")
+    style = palette_style() + asset_text("report.css") + asset_text("picture.css") + stylesheet()
+    style += asset_text(more_style) if more_style else ""
+    script = asset_text("picture.js") + asset_text("report.js")
     return {
         "style": own_markup(style),
         "script": own_markup(script),
@@ -47,7 +47,7 @@ def _common_values(more_style: str) -> Mapping[str, object]:
 
 
 @lru_cache(maxsize=1)
-def environment() -> jinja2.Environment:
+def jinja_environment() -> jinja2.Environment:
     """Return the templates: every value is escaped, for HTML and where it does not print.
 
     A wheel carries the templates compiled, as modules; else they are those of the checkout.
@@ -76,14 +76,14 @@ def environment() -> jinja2.Environment:
     return environment
 
 
-def text_of(name: str) -> str:
+def asset_text(name: str) -> str:
     """Return a style or script of the pages."""
     return (FOLDER / name).read_text(encoding="utf-8")
 
 
 def compile_templates(target: Path) -> None:
     """Write the templates below `target` as modules, for a wheel."""
-    environment().compile_templates(target, ["j2"], zip=None, ignore_errors=False)
+    jinja_environment().compile_templates(target, ["j2"], zip=None, ignore_errors=False)
 
 
 def _finalized(value: object) -> object:

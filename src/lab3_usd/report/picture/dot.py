@@ -14,7 +14,7 @@ COLOURS: dict[State, str] = {
 }
 
 
-def dot(picture: Picture) -> str:
+def graphviz(picture: Picture) -> str:
     """Return the picture as a directed graph: nodes as records, a cell per port.
 
     Dashed edges carry execution; missing parts are dotted and red.

@@ -103,7 +103,7 @@ class WirePiece(Struct, frozen=True):
     right_height: float
 
 
-def ordered(slots: Sequence[Slot], links: Sequence[WirePiece]) -> Columns:
+def ordered_columns(slots: Sequence[Slot], links: Sequence[WirePiece]) -> Columns:
     """Return the columns from left to right, each from top to bottom."""
     count = max((slot.rank for slot in slots), default=-1) + 1
     columns: Columns = tuple(
@@ -353,7 +353,7 @@ def _layout(
         for column in range(rank[end.key] + 1, last)
     ]
     links = list(_links(onward, lasts, heights, rank))
-    columns = ordered(slots, links)
+    columns = ordered_columns(slots, links)
     grid = _grid(columns, links, stacked(columns, links, GAP), by_key, rank)
     placed: dict[str, Place] = {
         key: (grid.lefts[rank[key]], grid.tops[(key,)], grid.widths[rank[key]]) for key in keys

@@ -18,7 +18,7 @@ ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
 
 def encoder(form: str, theme: Theme = "auto") -> Callable[[Picture], bytes]:
     """Return what turns a picture into the bytes of its file."""
-    from lab3_usd.report.picture.dot import dot
+    from lab3_usd.report.picture.dot import graphviz
     from lab3_usd.report.picture.mermaid import mermaid
     from lab3_usd.report.picture.png import png
     from lab3_usd.report.picture.svg import svg_file
@@ -27,7 +27,7 @@ def encoder(form: str, theme: Theme = "auto") -> Callable[[Picture], bytes]:
         "svg": lambda picture: svg_file(picture, theme).encode(),
         "png": lambda picture: png(picture, theme),
         "mermaid": lambda picture: mermaid(picture).encode(),
-        "dot": lambda picture: dot(picture).encode(),
+        "dot": lambda picture: graphviz(picture).encode(),
     }
     return encoders[form]
 

@@ -190,7 +190,7 @@ def note(text: str) -> str:
     return f"<title>{chr(10).join(map(markup, text.splitlines()))}</title>" if text else ""
 
 
-def number(value: float) -> str:
+def pixels(value: float) -> str:
     """Write a coordinate with at most one decimal."""
     return f"{value:.1f}".removesuffix(".0")
 
@@ -198,15 +198,15 @@ def number(value: float) -> str:
 def text(content: str, x: float, y: float, kind: str = "") -> str:
     """Return one line of text, its baseline at `y`."""
     style = f' class="{kind}"' if kind else ""
-    return f'<text x="{number(x)}" y="{number(y)}"{style}>{markup(content)}</text>'
+    return f'<text x="{pixels(x)}" y="{pixels(y)}"{style}>{markup(content)}</text>'
 
 
 def rect(x: float, y: float, size: tuple[float, float], kind: str, corner: float = 0) -> str:
     """Return a rectangle, `size` being width and height."""
-    round_off = f' rx="{number(corner)}"' if corner else ""
+    round_off = f' rx="{pixels(corner)}"' if corner else ""
     return (
-        f'<rect class="{kind}" x="{number(x)}" y="{number(y)}"'
-        f' width="{number(size[0])}" height="{number(size[1])}"{round_off}/>'
+        f'<rect class="{kind}" x="{pixels(x)}" y="{pixels(y)}"'
+        f' width="{pixels(size[0])}" height="{pixels(size[1])}"{round_off}/>'
     )
 
 
@@ -214,8 +214,8 @@ def port(x: float, y: float, *, execution: bool, wired: bool) -> str:
     """Return a port: a disc for data, an arrowhead for execution, hollow without a wire."""
     full = " f" if wired else ""
     if execution:
-        return f'<path class="p px{full}" d="M{number(x - 4)} {number(y - 5)}l9 5-9 5z"/>'
-    return f'<circle class="p{full}" cx="{number(x)}" cy="{number(y)}" r="4.5"/>'
+        return f'<path class="p px{full}" d="M{pixels(x - 4)} {pixels(y - 5)}l9 5-9 5z"/>'
+    return f'<circle class="p{full}" cx="{pixels(x)}" cy="{pixels(y)}" r="4.5"/>'
 
 
 def mark(x: float, y: float, state: State) -> str:
@@ -223,8 +223,8 @@ def mark(x: float, y: float, state: State) -> str:
     kind = _kind(state) if state in {"extra", "warned"} else ""
     left, top, stroke = STROKES[state]
     return (
-        f'<circle class="k{kind}" cx="{number(x)}" cy="{number(y)}" r="{MARK}"/>'
-        f'<path class="g{kind}" d="M{number(x + left)} {number(y + top)}{stroke}"/>'
+        f'<circle class="k{kind}" cx="{pixels(x)}" cy="{pixels(y)}" r="{MARK}"/>'
+        f'<path class="g{kind}" d="M{pixels(x + left)} {pixels(y + top)}{stroke}"/>'
     )
 
 
@@ -260,8 +260,8 @@ def _frame(area: Area, state: State, settings: float | None, more: str) -> tuple
     x, y, width, height = area
     separator = ""
     if settings is not None:
-        line = number(y + settings - ROW / 2 - 4)
-        separator = f'<path class="rule" d="M{number(x + PAD)} {line}h{number(width - 2 * PAD)}"/>'
+        line = pixels(y + settings - ROW / 2 - 4)
+        separator = f'<path class="rule" d="M{pixels(x + PAD)} {line}h{pixels(width - 2 * PAD)}"/>'
     last = text(more, x + PAD, y + height - 14, "m") if more else ""
     return rect(x, y, (width, height), f"b{_kind(state)}", CORNER), separator, last
 
@@ -284,14 +284,14 @@ def _header_path(area: Area) -> str:
     """Return the header inside the border; its lower corners are round where nothing is below."""
     # Half a pixel inside, so that the border stays whole.
     x, y, width, height = area
-    left, top = number(x + 0.5), number(y + CORNER)
+    left, top = pixels(x + 0.5), pixels(y + CORNER)
     width, radius = width - 1, CORNER - 0.5
     upper = f"M{left} {top}a{radius:g} {radius:g} 0 0 1 {radius:g}-{radius:g}"
-    upper += f"h{number(width - 2 * radius)}a{radius:g} {radius:g} 0 0 1 {radius:g} {radius:g}"
+    upper += f"h{pixels(width - 2 * radius)}a{radius:g} {radius:g} 0 0 1 {radius:g} {radius:g}"
     if height > HEADER:
-        return f"{upper}v{number(HEADER - CORNER)}H{left}z"
-    lower = f"v{number(HEADER - 2 * CORNER)}a{radius:g} {radius:g} 0 0 1-{radius:g} {radius:g}"
-    lower += f"h-{number(width - 2 * radius)}a{radius:g} {radius:g} 0 0 1-{radius:g}-{radius:g}z"
+        return f"{upper}v{pixels(HEADER - CORNER)}H{left}z"
+    lower = f"v{pixels(HEADER - 2 * CORNER)}a{radius:g} {radius:g} 0 0 1-{radius:g} {radius:g}"
+    lower += f"h-{pixels(width - 2 * radius)}a{radius:g} {radius:g} 0 0 1-{radius:g}-{radius:g}z"
     return upper + lower
 
 
@@ -371,14 +371,14 @@ def svg_file(picture: Picture, theme: Theme = "auto") -> str:
 
     A viewer shrinks it to its window, as far as it stays readable.
     """
-    least = number(LEAST * picture.width)
+    least = pixels(LEAST * picture.width)
     fitting = f"{SCOPE}{{max-width:max(100%,{least}px);height:auto}}\n"
     style = f"<style>\n{fitting}{stylesheet(theme)}</style>"
     return f'<?xml version="1.0" encoding="UTF-8"?>\n{_element(picture, ElementIds(), style)}\n'
 
 
 def _element(picture: Picture, ids: ElementIds, style: str) -> str:
-    width, height = number(picture.width), number(picture.height)
+    width, height = pixels(picture.width), pixels(picture.height)
     label = markup(f"{picture.title}: {picture.subtitle.replace('  ·  ', ', ')}")
     opening = (
         f'<svg xmlns="http://www.w3.org/2000/svg" class="lab3" role="img" aria-label="{label}"'
@@ -429,23 +429,23 @@ def _marks(picture: Picture) -> Iterator[str]:
 def path_data(path: tuple[Bezier, ...]) -> str:
     """Return the curves of a path, which follow each other, as SVG path data."""
     start = path[0][0]
-    data = [f"M{number(start[0])} {number(start[1])}"]
+    data = [f"M{pixels(start[0])} {pixels(start[1])}"]
     for curve in path:
         if len({point[1] for point in curve}) == 1:
-            data.append(f"H{number(curve[3][0])}")
+            data.append(f"H{pixels(curve[3][0])}")
         else:
-            data.append("C" + " ".join(f"{number(x)} {number(y)}" for x, y in curve[1:]))
+            data.append("C" + " ".join(f"{pixels(x)} {pixels(y)}" for x, y in curve[1:]))
     return "".join(data)
 
 
 @lru_cache(maxsize=64)
 def _legend(legend: tuple[LegendEntry, ...], width: float) -> tuple[str, ...]:
     y = legend[0].y - LEGEND_LINE
-    parts = [f'<path class="rule" d="M{number(MARGIN)} {number(y)}H{number(width - MARGIN)}"/>']
+    parts = [f'<path class="rule" d="M{pixels(MARGIN)} {pixels(y)}H{pixels(width - MARGIN)}"/>']
     for entry in legend:
         if entry.kind in {"data", "execution"}:
             dashes = " x" if entry.kind == "execution" else ""
-            parts.append(f'<path class="w{dashes}" d="M{number(entry.x)} {number(entry.y)}h22"/>')
+            parts.append(f'<path class="w{dashes}" d="M{pixels(entry.x)} {pixels(entry.y)}h22"/>')
         elif entry.kind in FAMILIES:
             parts.append(rect(entry.x + 4, entry.y - 7, (14, 14), f"f-{FAMILIES[entry.kind]}", 3))
         else:

@@ -18,9 +18,9 @@ from lab3_usd.report.pictures.node_boxes import (
     MOST_LABEL,
     BoxSubject,
     SiteFindings,
-    ends,
     findings_by_site,
     node_box,
+    wire_ends,
 )
 
 NodePair = tuple[Node | None, Node | None]
@@ -96,7 +96,7 @@ def _box(
     pair: NodePair, key: str, curves: Sequence[Curve], findings: SiteFindings, touched: set[str]
 ) -> Box:
     before, after = pair
-    arriving, leaving = ends(curves)
+    arriving, leaving = wire_ends(curves)
     subject = BoxSubject(
         key,
         None,

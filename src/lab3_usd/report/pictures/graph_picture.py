@@ -42,10 +42,10 @@ from lab3_usd.report.pictures.node_boxes import (
     SiteFindings,
     absent_box,
     assigned_roles,
-    ends,
     findings_by_site,
     node_box,
     reference_roles,
+    wire_ends,
 )
 from lab3_usd.report.pictures.tf_picture import frames_picture, published_frames_picture
 from lab3_usd.spec.contradictions.names import transform_topics
@@ -226,7 +226,7 @@ def _role_boxes(
     *,
     every_port: bool,
 ) -> list[Box]:
-    arriving, leaving = ends(curves)
+    arriving, leaving = wire_ends(curves)
     boxes = []
     for role, key in node_roles.box_keys.items():
         node, node_spec = node_roles.nodes.get(key), spec.nodes[role]
@@ -250,7 +250,7 @@ def _roleless_boxes(
     kind: Kind,
 ) -> list[Box]:
     """Return the boxes of nodes without a role."""
-    arriving, leaving = ends(curves)
+    arriving, leaving = wire_ends(curves)
     drawn = {box.key for box in boxes}
     roleless = []
     for key, node in node_roles.nodes.items():

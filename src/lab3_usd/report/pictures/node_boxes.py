@@ -202,7 +202,7 @@ def _rows(subject: BoxSubject, names: Iterable[str], *, is_missing: bool) -> Ite
         expected = subject.findings.expected(subject.key, name) if state != "ok" and value else None
         yield Row(
             port=name,
-            label=clip_end(short(name), MOST_LABEL),
+            label=clip_end(bare_port(name), MOST_LABEL),
             side=_side(subject, name, port),
             execution=is_execution,
             wired=is_wired,
@@ -288,7 +288,7 @@ def _unquoted(text: str) -> str:
     return text[1:-1] if quoted else text
 
 
-def short(name: str) -> str:
+def bare_port(name: str) -> str:
     """Return a port's name without `inputs:` or `outputs:`."""
     return name.partition(":")[2] or name
 
@@ -322,7 +322,7 @@ def prim_lines(prims: tuple[str, ...]) -> tuple[str, ...]:
 MOST_TITLE = 44
 
 
-def ends(curves: Sequence[Curve]) -> tuple[dict[End, State], dict[End, State]]:
+def wire_ends(curves: Sequence[Curve]) -> tuple[dict[End, State], dict[End, State]]:
     """Return the ports where wires arrive and those where they leave, with their worst state."""
     arriving: dict[End, State] = {}
     leaving: dict[End, State] = {}
@@ -361,7 +361,7 @@ def node_box(subject: BoxSubject, state: State) -> Box:
 def absent_box(key: str, ports: Sequence[str], reason: str, state: State) -> Box:
     """Return the box at the end of wires that come from no node of the graph."""
     outputs = tuple(
-        Row(port, clip_end(short(port), MOST_TITLE), "out", wired=True, state=state)
+        Row(port, clip_end(bare_port(port), MOST_TITLE), "out", wired=True, state=state)
         for port in ports
     )
     return sized(

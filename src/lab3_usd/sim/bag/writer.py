@@ -25,7 +25,7 @@ from lab3_usd.sim.bag.tape import Tape
 from lab3_usd.sim.execution.recording import (
     Profile,
 )
-from lab3_usd.sim.ros_messages import STORE, command, nanoseconds, serialized
+from lab3_usd.sim.ros_messages import STORE, command_message, nanoseconds, serialized
 
 HUMBLE = 5  # the version of its metadata
 _LATER = ("ros_distro",)  # a key that came after it; that of data of one's own it passes over
@@ -111,7 +111,7 @@ def _records(tape: Tape, domain: int) -> Iterator[Record]:
     """Yield the commands, then the messages, in seconds since Play."""
     for sent in tape.commands:
         if sent.domain == domain:
-            yield Record(nanoseconds(sent.at), sent.topic, *command(sent.leg))
+            yield Record(nanoseconds(sent.at), sent.topic, *command_message(sent.leg))
     for message in tape.messages:
         data = serialized(message) if tape.domain(message) == domain else None
         if data is not None:

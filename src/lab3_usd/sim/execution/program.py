@@ -19,7 +19,7 @@ from lab3_usd.isaac.node_types import (
     NodeType,
     Port,
     can_connect,
-    is_refused,
+    drops_wire,
 )
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import are_alike
@@ -174,7 +174,7 @@ def _refused(
     port = node.type.port(name)
     for path, _, output in (wire.rpartition(".") for wire in state.sources):
         out = nodes[path].type.port(output) if path in nodes else None
-        if port is None or out is None or not is_refused(out, port):
+        if port is None or out is None or not drops_wire(out, port):
             continue
         text = f"{name} takes {port.ogn_type}, and {path} gives {out.ogn_type}"
         yield node.path, Failure(text, "refused-wire")
@@ -319,7 +319,7 @@ def _feed(node: NodeInstance, port: Port, state: Input, nodes: dict[str, NodeIns
     for path, _, name in (wire.rpartition(".") for wire in state.sources):
         source = nodes.get(path)
         out = source.type.port(name) if source is not None else None
-        if source is None or out is None or is_refused(out, port):
+        if source is None or out is None or drops_wire(out, port):
             continue  # Kit drops such a wire when it opens the stage
         node.fed.add(port.short)
         count += 1

@@ -15,7 +15,7 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
-from lab3_usd.spec.contradictions.names import graph_topics, value_of
+from lab3_usd.spec.contradictions.names import graph_topics, spec_value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, TopicSpec
@@ -181,7 +181,7 @@ def _frames_of_odometry(lab: Lab, robot: RobotSpec | None) -> tuple[str, str]:
     """Return the frames that odometry is to name, by its graph, else by `ros.yaml`; '' for none."""
     for graph, node in _publishers(lab, _PARTS["odometry"]):
         if _is_of(robot, lab, graph, node.role):
-            root, base = (str(value_of(node, port) or "") for port in node.type.frames)
+            root, base = (str(spec_value(node, port) or "") for port in node.type.frames)
             return root, base
     foreign = _topics_of_others(lab, robot) if robot is not None else set()
     topics = (topic for topic in lab.topics.values() if topic.type == _PARTS["odometry"])
@@ -195,7 +195,7 @@ def _restarts(lab: Lab) -> bool:
     port = f"{INPUT}{lab.policy.stamp_reset.agree}"
     for graph, node in _publishers(lab, _PARTS["clock"]):
         sources = (graph.nodes[wire.source.role] for wire in graph.wires_into(node.role))
-        return any(value_of(source, port) is True for source in sources)
+        return any(spec_value(source, port) is True for source in sources)
     return False
 
 
@@ -206,7 +206,7 @@ def _goes_with_environment(lab: Lab) -> bool:
     """
     nodes = (node for graph in lab.graphs.values() for node in graph.nodes.values())
     switch = f"{INPUT}{lab.platform.ros.domain_by_environment}"
-    return all(value_of(node, switch) is not False for node in nodes)
+    return all(spec_value(node, switch) is not False for node in nodes)
 
 
 def _publishers(lab: Lab, message: str) -> Iterator[tuple[GraphSpec, NodeSpec]]:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest, value_of
+from lab3_usd.spec.contradictions.names import LabFault, file_of, likely_name, spec_value
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import ROS, Lab
 
@@ -17,8 +17,8 @@ def domain_faults(lab: Lab) -> Iterator[LabFault]:
     port, switch = f"{INPUT}{ros.domain}", f"{INPUT}{ros.domain_by_environment}"
     for graph in lab.graphs.values():
         for node in graph.nodes.values():
-            if port in node.type.ports and value_of(node, switch) is False:
-                domain = value_of(node, port)
+            if port in node.type.ports and spec_value(node, switch) is False:
+                domain = spec_value(node, port)
                 places.setdefault(domain, f"{file_of(graph)}: {node.role}: {ros.domain}")
         yield from _without_context(graph, places)
     system = lab.ros.system.domain
@@ -54,9 +54,9 @@ def variable_faults(lab: Lab) -> Iterator[LabFault]:
             port = next(iter(node.type.variable), "")
             if not port or any(wire.target.port == port for wire in graph.wires_into(node.role)):
                 continue
-            name = value_of(node, port)
+            name = spec_value(node, port)
             if name not in known:
-                likely = nearest(str(name), known)
+                likely = likely_name(str(name), known)
                 hint = f"; did you mean '{likely}'?" if likely else ""
                 message = f"names '{name}', and the graph has no such variable{hint}"
                 key = f"{node.role}: {port.partition(':')[2]}"

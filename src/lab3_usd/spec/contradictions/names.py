@@ -49,7 +49,7 @@ class LabFault(Struct, frozen=True):
         return f"{self.place}{other}"
 
 
-def nearest(name: str, known: Iterable[str]) -> str | None:
+def likely_name(name: str, known: Iterable[str]) -> str | None:
     """Return the known name that was likely meant, None where none is like it."""
     from difflib import get_close_matches
 
@@ -90,7 +90,7 @@ def file_of(graph: GraphSpec) -> str:
     return f"{graph.name}.yaml"
 
 
-def value_of(node: NodeSpec, port: str) -> Value | None:
+def spec_value(node: NodeSpec, port: str) -> Value | None:
     """Return what an input has by the spec: the value set there, else the default."""
     value = next((setting.value for setting in node.settings if setting.port == port), None)
     if value is not None:
@@ -107,7 +107,7 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
             message = node.type.message
             yield GraphTopic(
                 name=topic,
-                type=message.get("") or message.get(str(value_of(node, KIND))),
+                type=message.get("") or message.get(str(spec_value(node, KIND))),
                 is_subscribed=node.type.role == "subscriber",
                 graph=graph.name,
                 role=node.role,
@@ -128,7 +128,7 @@ def transform_topics(lab: Lab) -> frozenset[str]:
 def _frames_of_topic(graph: GraphSpec, node: NodeSpec, topic: str) -> Iterator[str]:
     wired = {wire.target.port for wire in graph.wires_into(node.role)}
     for port in frame_ports(node.type, topic):
-        yield "" if port in wired else str(value_of(node, port) or "")
+        yield "" if port in wired else str(spec_value(node, port) or "")
 
 
 def _topic_ports(lab: Lab) -> Iterator[tuple[GraphSpec, NodeSpec, str]]:
@@ -146,12 +146,12 @@ def _topic_ports(lab: Lab) -> Iterator[tuple[GraphSpec, NodeSpec, str]]:
 def _topic(lab: Lab, graph: GraphSpec, node: NodeSpec, port: str) -> str:
     """Return the name of a topic, '' where it is switched off or has none."""
     switch = topic_switch(port)
-    if switch in node.type.ports and value_of(node, switch) is not True:
+    if switch in node.type.ports and spec_value(node, switch) is not True:
         return ""
-    namespace = value_of(node, f"{INPUT}{lab.platform.ros.namespace}") or _namespace(
+    namespace = spec_value(node, f"{INPUT}{lab.platform.ros.namespace}") or _namespace(
         lab, graph, node
     )
-    return resolved_topic(str(value_of(node, port) or ""), str(namespace))
+    return resolved_topic(str(spec_value(node, port) or ""), str(namespace))
 
 
 def _namespace(lab: Lab, graph: GraphSpec, node: NodeSpec) -> str:
@@ -183,7 +183,7 @@ def graph_frames(lab: Lab) -> Iterator[GraphFrame]:
             if tf is None:
                 continue
             if tf.names:
-                parent, child = (str(value_of(node, port) or "") for port in tf.names)
+                parent, child = (str(spec_value(node, port) or "") for port in tf.names)
                 key = f"{node.role}: {_short(tf.names[1])}"
                 yield GraphFrame(parent, child, file_of(graph), key)
             if tf.prims:
@@ -209,7 +209,7 @@ def named_frames(lab: Lab) -> Iterator[GraphFrame]:
     """Yield the frames that messages of the graphs name."""
     for graph, node, topic in _topic_ports(lab):
         for port in frame_ports(node.type, topic):
-            frame = str(value_of(node, port) or "")
+            frame = str(spec_value(node, port) or "")
             if frame:
                 yield GraphFrame(None, frame, file_of(graph), f"{node.role}: {_short(port)}")
 
@@ -219,7 +219,7 @@ FRAME_FIELDS = ("header.frame_id", "child_frame_id")
 _FRAME_COMMAND = "tf2_echo"
 
 
-def frame_faults(lab: Lab) -> Iterator[LabFault]:
+def frame_contradictions(lab: Lab) -> Iterator[LabFault]:
     """Yield what contradicts the TF tree, where a checkpoint asks for it."""
     if not lab.checkpoints[lab.last].frames:
         return
@@ -232,7 +232,7 @@ def frame_faults(lab: Lab) -> Iterator[LabFault]:
     tree = _tree(lab)
     for file, key, frame in (*_graph_references(lab, given), *_references(lab)):
         if frame not in tree:
-            meant = nearest(frame, tree)
+            meant = likely_name(frame, tree)
             hint = f", '{meant}' is" if meant else ""
             message = f"'{frame}' is not a frame of the tree{hint}"
             yield LabFault(file, key, message, f"{CHECKPOINTS}: {TREE}")
@@ -295,7 +295,7 @@ def _misplaced_localization(lab: Lab) -> Iterator[LabFault]:
     parents = {child: parent for parent, child in lab.frames.edges}
     frames = [frame for edge in lab.frames.edges for frame in edge]
     if root not in frames:
-        meant = nearest(root, frames)
+        meant = likely_name(root, frames)
         message = f"'{root}' is not a frame of the tree" + (f", '{meant}' is" if meant else "")
         yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: {TREE}")
     elif parents.get(root, above) != above:
@@ -437,7 +437,7 @@ def _likely(lab: Lab, topic: TopicSpec, ends: Iterable[GraphTopic]) -> str:
     free = [end for end in ends if end.name not in lab.ros.topics]
     alike = [graph_topic for graph_topic in free if graph_topic.type == topic.type]
     by_name = {graph_topic.name: graph_topic for graph_topic in alike or free}
-    meant = nearest(topic.name, by_name) or next(iter(by_name if alike else ()), None)
+    meant = likely_name(topic.name, by_name) or next(iter(by_name if alike else ()), None)
     return f"{by_name[meant].place} is '{meant}'" if meant else ""
 
 
@@ -457,7 +457,7 @@ def _navigation(
         if name not in ends and not is_elsewhere:
             does = "subscribes to" if is_subscribed else "publishes"
             message = f"no node of a graph {does} '{name}'"
-            meant = nearest(name, ends)
+            meant = likely_name(name, ends)
             other = f"{ends[meant].place} is '{meant}'" if meant else f"{ROS}: topics"
             yield LabFault(ROS, f"navigation: {key}", message, other)
     if navigation.map_topic not in lab.ros.topics:
@@ -489,7 +489,7 @@ def misspelled(lab: Lab, text: str, file: str, key: str) -> Iterator[LabFault]:
     navigation = lab.ros.navigation
     known = _known_topics(lab) | set(() if navigation is None else navigation.rviz.values())
     for name in _NAME.findall(text):
-        meant = None if name in known else nearest(name, known)
+        meant = None if name in known else likely_name(name, known)
         if meant:
             message = f"'{name}' is not a topic, '{meant}' is"
             yield LabFault(file, key, message, f"{ROS}: topics: {meant}")

@@ -15,9 +15,9 @@ from lab3_usd.spec.contradictions.domains import domain_faults, variable_faults
 from lab3_usd.spec.contradictions.names import (
     LabFault,
     file_of,
-    frame_faults,
+    frame_contradictions,
+    likely_name,
     misspelled,
-    nearest,
     topic_faults,
 )
 from lab3_usd.spec.contradictions.scene import KnownScene, scene_faults
@@ -96,7 +96,7 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield names in the rules for all graphs that are none, and nodes before their graph."""
     policy, types = lab.policy, lab.platform.types
     if policy.tick not in types:
-        meant = nearest(policy.tick, lab.platform.events)
+        meant = likely_name(policy.tick, lab.platform.events)
         hint = f", '{meant}' is" if meant else ""
         yield LabFault(CHECKPOINTS, "policy: tick", f"'{policy.tick}' is no node type{hint}")
     named = {"keep_default": policy.keep_default, "stamp_reset: ports": policy.stamp_reset.ports}
@@ -107,7 +107,7 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
                 continue
             inputs = {port.rpartition(":")[2] for kind in types.values() for port in kind.ports}
             if name not in inputs:
-                meant = nearest(name, inputs)
+                meant = likely_name(name, inputs)
                 hint = f", '{meant}' is" if meant else ""
                 yield LabFault(CHECKPOINTS, f"policy: {key}", f"'{name}' is no input{hint}")
     comes = {name: point for point in lab.checkpoints.values() for name in point.new}
@@ -299,7 +299,7 @@ def _all_faults(lab: Lab, stages: Sequence[KnownScene]) -> Iterator[LabFault]:
     yield from policy_faults(lab)
     yield from ending_faults(lab)
     yield from checklist_faults(lab)
-    yield from frame_faults(lab)
+    yield from frame_contradictions(lab)
     yield from topic_faults(lab)
     yield from variable_faults(lab)
     yield from domain_faults(lab)

@@ -17,7 +17,7 @@ from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spe
 from lab3_usd.spec.scene import ArticulationSpec, RobotSpec
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.schema_names import likely_property, likely_type
+from lab3_usd.stage.schema_names import likely_property, likely_schema
 from lab3_usd.stage.write.graphs import quaternion, usd_value
 
 _BODY = "PhysicsRigidBodyAPI"
@@ -238,7 +238,7 @@ def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
 
 def _advice(prim: Usd.Prim, name: str) -> str:
     """Say what an attribute, or the type of its prim, was likely meant to be."""
-    meant = likely_type(str(prim.GetTypeName()), ())
+    meant = likely_schema(str(prim.GetTypeName()), ())
     if meant is not None:
         return f"nor is the type '{prim.GetTypeName()}'; did you mean {meant}?"
     alike = likely_property(prim, name)
