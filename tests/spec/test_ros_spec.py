@@ -45,9 +45,9 @@ def test_a_slip_is_one_line_that_names_it(tmp_path: Path, old: str, new: str, sa
     assert "\n" not in str(error.value)
 
 
-def test_a_folder_without_it_is_a_mistake_in_the_spec(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match=r"ros\.yaml"):
-        load_ros(tmp_path)
+def test_a_folder_without_it_is_a_course_without_ros(tmp_path: Path) -> None:
+    assert load_ros(tmp_path).topics == {}
+    assert load_ros(tmp_path).commands == ()
 
 
 def test_a_copy_elsewhere_says_the_same(tmp_path: Path) -> None:

@@ -50,7 +50,12 @@ from lab3_usd.new_lab.scene import (
 )
 from lab3_usd.new_lab.starter import describe_starter
 from lab3_usd.new_lab.yaml_text import document
-from lab3_usd.spec.contradictions.names import graph_frames, named_frames, transform_topics
+from lab3_usd.spec.contradictions.names import (
+    graph_frames,
+    graph_topics,
+    named_frames,
+    transform_topics,
+)
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.load.lab import parse_scene
@@ -304,7 +309,7 @@ def _files(
         CHECKPOINTS: checkpoints_text(parts.names, title, steps, parts.frames, parts.lab),
         **{f"{text.spec.name}.yaml": _graph_text(text) for text in parts.texts},
         SCENE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
-        ROS: ros_text(parts.lab, steps),
+        **({ROS: ros_text(parts.lab, steps)} if any(graph_topics(parts.lab)) else {}),
         SUBMISSION: submission_text(steps),
         RUBRIC: rubric_text(title, steps, parts.lab),
         **({CATALOG: types} if types else {}),

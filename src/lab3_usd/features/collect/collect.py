@@ -21,10 +21,14 @@ def command(script: Path, *, force: bool) -> None:
     diagnostic command of the handout in the folder (`results` in the bundled lab) where `lab3
     check` reads it.
     """
+    from lab3_usd.errors import UsageError
     from lab3_usd.features.collect.script import collect_script
     from lab3_usd.files import write_whole
     from lab3_usd.spec.load.loader import load_lab
 
-    write_whole(script, collect_script(load_lab()).encode(), force=force)
+    lab = load_lab()
+    if not lab.ros.commands:
+        raise UsageError(f"{lab.title} asks for no output of ROS commands")
+    write_whole(script, collect_script(lab).encode(), force=force)
     script.chmod(0o755)
     echo(script)

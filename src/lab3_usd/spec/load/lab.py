@@ -60,13 +60,14 @@ class RosFile(Struct, forbid_unknown_fields=True):
 
 
 def load_ros(folder: Path | None = None) -> ros.RosSpec:
-    """Load `ros.yaml` of `folder`, by default the bundled one.
+    """Load `ros.yaml` of `folder`, by default the bundled one; a course without ROS has none.
 
     Raises:
-        SpecError: the file is missing or wrong; the line names the part and the key.
+        SpecError: the file is wrong; the line names the part and the key.
     """
     folder = folder if folder is not None else lab_folder()
-    content = record(read_yaml(folder / ROS), RosFile, ROS)
+    data = read_yaml(folder / ROS) if (folder / ROS).is_file() else _no_ros()
+    content = record(data, RosFile, ROS)
     kinds = records(_evidence(content), ros.EvidenceKind, f"{ROS}: evidence")
     for name, kind in kinds.items():
         for key, text, known in (("run", kind.run, ("of", "to")), ("file", kind.file, ("name",))):
@@ -85,6 +86,11 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
         ),
         navigation=_navigation(content.navigation),
     )
+
+
+def _no_ros() -> dict[str, Any]:
+    """Return what is said of the running system in a course that shows nothing of it."""
+    return {"system": {**_bundled_ros()["system"], "packages": {}, "handout": ""}}
 
 
 def _navigation(given: dict[str, Any] | None) -> ros.NavigationSpec | None:
