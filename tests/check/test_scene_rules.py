@@ -522,6 +522,26 @@ def test_a_wheel_may_not_hang_on_the_robot_root() -> None:
     assert found == [("S08", f"{JOINTS}/wheel_left_joint", "physics:body0")]
 
 
+@pytest.mark.parametrize(
+    ("end", "path", "other"),
+    [
+        ("physics:body1", f"{ROBOT}/caster_back_link", None),
+        ("physics:body1", f"{ROBOT}/nothing", None),
+        ("physics:body0", f"{ROBOT}/wheel_left_link", None),
+        ("physics:body0", f"{ROBOT}/caster_back_link", f"{ROBOT}/base_link"),
+    ],
+)
+def test_the_end_of_a_wheel_joint_that_is_wrong_is_blamed(
+    end: str, path: str, other: str | None
+) -> None:
+    joint = f"{JOINTS}/wheel_left_joint"
+    steps = [aim(joint, end, path)]
+    if other is not None:
+        steps.append(aim(joint, "physics:body1", other))
+    wrong = "physics:body1" if other else end
+    assert told_after("02", *steps) == [("S08", joint, wrong)]
+
+
 def test_an_axis_that_no_joint_has_is_left_to_usd() -> None:
     assert told_after("02", put(f"{JOINTS}/wheel_left_joint", "physics:axis", "diagonal")) == []
 

@@ -512,6 +512,9 @@ FAULTS: dict[str, Step] = {
     "a joint is switched off": {
         "declare": [f"{JOINTS}/base_joint.physics:jointEnabled", "bool", False]
     },
+    "a rate of the lidar has another type": {
+        "declare": [f"{ROBOT}/base_scan/Lidar2D.omni:sensor:Core:scanRateBaseHz", "float", 10.0]
+    },
     "a link stands below another": {
         "move": [f"{ROBOT}/wheel_left_link", f"{ROBOT}/base_link/wheel_left_link"]
     },

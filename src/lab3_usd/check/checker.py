@@ -32,6 +32,8 @@ from lab3_usd.check.robot.location import (
 )
 from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.check.rule_runs import RuleResults, run_rules
+from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.facts.reaching_values import LiveNodes
 from lab3_usd.model.finding import Crash, Finding, NotJudged
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
@@ -51,7 +53,7 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
     """
     try:
         lab = lab.at(checkpoint.id)
-        live = {node.path: node for node in stage.nodes()}
+        live = LiveNodes(stage.nodes(), live_nodes(stage).variables)
         relocations = robot_relocations(lab, stage)
         placed = relocated_lab(lab, relocations)
         at_root = [robot for robot in placed.scene.robots if is_root_articulated(robot, stage)]

@@ -36,7 +36,7 @@ class SensorFault(Struct, frozen=True):
 
     `attributes` are those that it is about, first the one to repair; an instance with an odd name
     has none. It `ends` what it prevents, where it is an error. `is_open` tells whether an asset
-    that is missing could say otherwise.
+    that is missing could say otherwise, `is_type` whether the value has another type than it must.
     """
 
     attributes: tuple[str, ...]
@@ -46,6 +46,7 @@ class SensorFault(Struct, frozen=True):
     source: str
     ends: Ends = "model"
     is_open: bool = False
+    is_type: bool = False
 
     def stops(self, *, is_scan: bool) -> bool:
         """Whether nothing comes of the sensor, where its node publishes a laser scan or not."""
@@ -138,7 +139,7 @@ def _types(values: SensorValues, models: SensorModels) -> Iterator[SensorFault]:
             continue
         if name not in models.any_type and not _fits(value, said.type):
             message = f"{name} has type {_type_of(value)}, expected {said.type}"
-            yield SensorFault((name,), message, said.type, "error", _SCHEMA)
+            yield SensorFault((name,), message, said.type, "error", _SCHEMA, is_type=True)
         elif not _is_finite(value):
             message = f"{name} is {display(value)}, which is no finite number"
             yield SensorFault((name,), message, "a finite number", "warning", _SCHEMA)

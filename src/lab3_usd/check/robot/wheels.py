@@ -148,9 +148,11 @@ def wrong_ends(joint: WheelJoint, subject: RobotSubject) -> Iterator[tuple[str, 
     plain = [path for path in robot.link_paths if path not in wheels]
     ends, side = ends_of(joint), wheel_side(joint)
     if side is None:
-        has_base = any(is_at_or_below(ends[1], link) for link in plain)
-        wheel_end = 0 if has_base else 1
-        yield BODIES[wheel_end], ends[wheel_end]
+        # An end at the base is right; of two that may be, Body 1 is to be the wheel.
+        is_base = [any(is_at_or_below(end, link) for link in plain) for end in ends]
+        is_both = all(is_at_or_below(end, joint.link) for end in ends)
+        wrong = 0 if is_both or is_base == [False, True] else 1
+        yield BODIES[wrong], ends[wrong]
         return
     base = ends[1 - side]
     if not any(is_at_or_below(base, link) for link in plain) and not _is_body(base, subject):

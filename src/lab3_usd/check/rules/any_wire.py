@@ -84,7 +84,7 @@ def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
     problems = (
         (_dead_wire(fault, wire, subject), absent_above(wire.source_prim.rpartition("/")[0], stage))
         for fault, wire in _faults(subject, "dead", "leftover")
-        if wire.source is None
+        if wire.source is None and wire.node.has_port(wire.port)  # else K21 says it
     )
     yield from of_one_cause(problems, "wires", stage)
 

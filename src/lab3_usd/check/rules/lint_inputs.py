@@ -21,6 +21,8 @@ from lab3_usd.isaac.node_types import INPUT, NUMBERS
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.stage import Node
 
+_MOST = 4  # inputs that a message lists
+
 
 @rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
 def unset_input(subject: LintSubject) -> Iterator[Problem]:
@@ -102,6 +104,13 @@ def _has_numbers(node: Node, ports: Iterable[str], subject: LintSubject) -> bool
     return False
 
 
+def _listed(ports: tuple[str, ...]) -> str:
+    """Return inputs with their verb, as the beginning of a sentence."""
+    if len(ports) == 1:
+        return f"{ports[0]} is"
+    return f"{', '.join(ports[:_MOST])}{' and others' if len(ports) > _MOST else ''} are"
+
+
 @rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
 def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     """An array has an empty element, or inputs beyond its size.
@@ -144,11 +153,13 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                 )
         if items.filled:
             has_numbers = _has_numbers(node, items.filled, subject)
-            for port in items.empty:
+            if items.empty:
+                port = items.empty[0]
                 wire = lost_constant(node, port, subject) if len(items.empty) == 1 else ()
                 yield Problem(
                     node.path,
-                    f"{port} is not connected and has no value: an element of the array is empty",
+                    f"{_listed(items.empty)} not connected and without a value: "
+                    "the array has an empty element there",
                     property=port,
                     expected="a wire or a value",
                     severity="warning" if has_numbers else None,
@@ -157,10 +168,10 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                     likely=True,
                     rests_on=subject.stage.unknown_inputs(node),
                 )
-        for port in items.beyond:
+        if items.beyond:
             yield Problem(
                 node.path,
-                f"{port} is ignored: {items.count_port} is {items.count}",
+                f"{_listed(items.beyond)} ignored: {items.count_port} is {items.count}",
                 property=items.count_port,
                 actual=str(items.count),
                 severity="warning",

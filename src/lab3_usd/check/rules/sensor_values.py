@@ -52,7 +52,11 @@ def refused_values(
             spec.scan.handout if spec.scan else spec.handout,
             sensor.place.related,
             severity=fault.severity,
-            fix=tuple(Restore(prim.path, each) for each in fault.attributes if each in changed),
+            fix=tuple(
+                Restore(prim.path, each)
+                for each in fault.attributes
+                if each in changed or (fault.is_type and each in lab)
+            ),
             rests_on=subject.stage.unknown(prim.path) if fault.is_open else None,
         )
 

@@ -200,7 +200,7 @@ def joint_bodies(subject: RobotSubject) -> Iterator[Problem]:
     section = lab.handout.behind("S08", subject.robot.wheels.handout)
     for joint in turning_joints(subject):
         for name, actual in wrong_ends(joint, subject):
-            is_wheel = base_side(joint) is None
+            is_wheel = base_side(joint) is None and not is_at_or_below(actual, joint.link)
             expected = joint.link if is_wheel else "a link of the robot that is no wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
             yield Problem(
