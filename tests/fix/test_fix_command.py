@@ -548,6 +548,7 @@ AT_ONCE = [  # in one stage, of the checkpoint that has what they are made in
         "time samples move the camera",
         "a second node publishes a transform",
         "a frame has another name",
+        "a rate of the lidar has another type",
     ),
     ("05", "a link with graphs stands below another"),
 ]
