@@ -87,6 +87,7 @@ MODULES = {
         "wheel_joints",
         "wheel_drives",
         "world",
+        "removed_prims",
         "any_physics",
         "any_stances",
     ),

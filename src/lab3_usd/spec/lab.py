@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, RosSpec, TopicSpec
-from lab3_usd.spec.scene import RobotSpec, SceneSpec, SensorSpec
+from lab3_usd.spec.scene import RobotSpec, SceneSpec, SensorSpec, is_within
 from lab3_usd.spec.submission import SubmissionSpec
 
 CATALOG = "node_types.yaml"
@@ -60,8 +60,9 @@ class Handout(Struct, frozen=True, forbid_unknown_fields=True):
 class Checkpoint(Struct, frozen=True):
     """One checkpoint: its number, file name without ending, and everything it must hold.
 
-    `graphs` and `sensors` are cumulative; `new` names the graphs this checkpoint adds. `key` is how
-    the files of the lab refer to it.
+    `graphs` and `sensors` are cumulative; `new` names the graphs this checkpoint adds, `removed`
+    are the paths of what was there and is to be gone, `silent` the topics that go with it. `key` is
+    how the files of the lab refer to it.
     """
 
     id: str
@@ -77,6 +78,12 @@ class Checkpoint(Struct, frozen=True):
     localization: bool = False
     key: str = ""
     optional: bool = False
+    removed: tuple[str, ...] = ()
+    silent: frozenset[str] = frozenset()
+
+    def is_removed(self, path: str) -> bool:
+        """Whether a prim is to be gone."""
+        return any(is_within(path, gone) for gone in self.removed)
 
 
 class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree": "with"}):
@@ -296,7 +303,8 @@ class Lab(Struct, frozen=True, eq=False):
         topics = tuple(self.topics_until(checkpoint.id))
         graphs = self.at(checkpoint.id).graphs
         asked = tuple((name, tuple(graphs[name].nodes.values())) for name in checkpoint.graphs)
-        return (asked, checkpoint.sensors, topics, flags, may_have_driven, is_first)
+        removed = checkpoint.removed
+        return (asked, checkpoint.sensors, topics, flags, may_have_driven, is_first, removed)
 
     def at(self, checkpoint: str) -> Lab:
         """Return the lab at a checkpoint, without the nodes that later ones add to its graphs."""
@@ -333,7 +341,9 @@ class Lab(Struct, frozen=True, eq=False):
     def topics_until(self, checkpoint: str) -> dict[str, TopicSpec]:
         """Return the topics that are there by a checkpoint."""
         known = (FROM_THE_FIRST, *self.reached(checkpoint))
-        return {name: topic for name, topic in self.topics.items() if topic.since in known}
+        silent = self.checkpoints[checkpoint].silent
+        topics = self.topics.items()
+        return {name: t for name, t in topics if t.since in known and name not in silent}
 
 
 @lru_cache(maxsize=64)

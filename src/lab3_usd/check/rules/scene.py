@@ -431,6 +431,7 @@ def starter_not_empty(subject: StageSubject) -> Iterator[Problem]:
         is_sensor = any(kind == sensor.type for sensor in subject.lab.sensors.values())
         is_wrong = is_named(path.rpartition("/")[2], spec.names) or kind == form.type
         is_wrong = is_wrong or (path in spec.paths and not is_sensor)
+        is_wrong = is_wrong and not subject.checkpoint.is_removed(path)
         if is_wrong and not any(is_at_or_below(path, top) for top in tops):
             tops.append(path)
             message = f"{path} is not part of the supplied scene; was this saved late?"

@@ -47,13 +47,11 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
     that the lab localizes.
     """
     lab = lab.at(checkpoint.id)
-    reached = (FROM_THE_FIRST, *lab.reached(checkpoint.id))
     foreign = _topics_of_others(lab, robot) if robot is not None else set()
     required = [
         topic
-        for topic in lab.topics.values()
-        if topic.since in reached
-        and (topic.subscribed or topic.source is None)
+        for topic in lab.topics_until(checkpoint.id).values()
+        if (topic.subscribed or topic.source is None)
         and (not topic.optional or (checkpoint.optional and topic.since == checkpoint.id))
         and topic.name not in foreign
     ]

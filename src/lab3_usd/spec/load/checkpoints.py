@@ -21,6 +21,7 @@ from lab3_usd.spec.lab import (
     Policy,
 )
 from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
+from lab3_usd.spec.scene import SceneSpec
 from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import record
 
@@ -50,7 +51,8 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
 
     `files` inserts `id` and `name` for {id} and {name}; {team} is what each team writes there.
     `id` is the key unless given. The stage of an `optional` one need not be handed in, and later
-    ones ask for nothing that it adds.
+    ones ask for nothing that it adds. What it `removes` is no longer there: graphs and sensors of
+    earlier ones by name, supplied prims by path (`removes: [Scan, /World/Room/Crate]`).
     """
 
     GONE: ClassVar[Mapping[str, str]] = {
@@ -63,6 +65,7 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
     adds: _Additions
     id: str = ""
     optional: bool = False
+    removes: tuple[str, ...] = ()
 
 
 class CheckpointsFile(Struct, forbid_unknown_fields=True):
@@ -162,6 +165,7 @@ def accumulate(
         where = f"{CHECKPOINTS}: checkpoint '{key}'"
         _check_known(entry.adds.graphs, tuple(graphs), f"{where}: graphs")
         _check_known(entry.adds.sensors, sensors, f"{where}: sensors")
+        _check_removable(entry.removes, previous, f"{where}: removes")
         checkpoint = _checkpoint(key, entry, content.files, previous)
         _check_new(checkpoint, found.values(), where)
         found[checkpoint.id] = checkpoint
@@ -177,15 +181,32 @@ def _checkpoint(key: str, entry: CheckpointEntry, files: str, previous: Checkpoi
         file=files.replace("{id}", checkpoint_id).replace("{name}", entry.name),
         title=entry.title,
         part=entry.part,
-        graphs=(*previous.graphs, *adds.graphs),
+        graphs=(*_kept(previous.graphs, entry), *adds.graphs),
         new=adds.graphs,
-        sensors=(*previous.sensors, *adds.sensors),
+        sensors=(*_kept(previous.sensors, entry), *adds.sensors),
         new_sensors=adds.sensors,
         frames=previous.frames or adds.frames,
         topics=previous.topics or adds.topics,
         localization=previous.localization or adds.localization,
         optional=entry.optional,
+        removed=(*previous.removed, *entry.removes),
     )
+
+
+def _kept(names: Iterable[str], entry: CheckpointEntry) -> tuple[str, ...]:
+    return tuple(name for name in names if name not in entry.removes)
+
+
+def removals(
+    checkpoints: Mapping[str, Checkpoint], graphs: Mapping[str, GraphSpec], scene: SceneSpec
+) -> dict[str, Checkpoint]:
+    """Return the checkpoints with the paths of what they have removed instead of names."""
+    paths = {name: graph.path for name, graph in graphs.items()}
+    paths |= {name: sensor.path for name, sensor in scene.sensors.items()}
+    return {
+        key: replace(point, removed=tuple(paths.get(name, name) for name in point.removed))
+        for key, point in checkpoints.items()
+    }
 
 
 def by_ids(lab: Lab) -> Lab:
@@ -254,6 +275,16 @@ def _check_known(names: Iterable[str], known: tuple[str, ...], where: str) -> No
     for name in names:
         if name not in known:
             raise SpecError(f"{where}: there is no '{name}'; known are {', '.join(known)}")
+
+
+def _check_removable(names: Iterable[str], previous: Checkpoint, where: str) -> None:
+    """Refuse to take away what no earlier checkpoint has, and no starter can have."""
+    known = (*previous.graphs, *previous.sensors)
+    for name in names:
+        if name not in known and not name.startswith("/"):
+            listed = ", ".join(known) or "none"
+            wrong = f"'{name}' is no path, and no graph or sensor that is there; those are {listed}"
+            raise SpecError(f"{where}: {wrong}")
 
 
 def _check_new(checkpoint: Checkpoint, earlier: Iterable[Checkpoint], where: str) -> None:

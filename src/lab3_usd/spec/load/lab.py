@@ -15,9 +15,10 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import typed_value
 from lab3_usd.spec import ros
+from lab3_usd.spec.contradictions.names import graph_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, Policy
-from lab3_usd.spec.load.checkpoints import accumulate, by_ids, read_checkpoint_file
+from lab3_usd.spec.load.checkpoints import accumulate, by_ids, read_checkpoint_file, removals
 from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import (
@@ -273,7 +274,7 @@ def _assembled(folder: Path, platform: Platform) -> Lab:
         title=content.title,
         platform=_with_sensors(platform, scene),
         graphs=graphs,
-        checkpoints=accumulate(content, graphs, tuple(scene.sensors)),
+        checkpoints=removals(accumulate(content, graphs, tuple(scene.sensors)), graphs, scene),
         policy=content.policy,
         frames=content.frames,
         ros=load_ros(folder),
@@ -281,7 +282,7 @@ def _assembled(folder: Path, platform: Platform) -> Lab:
         handout=content.handout,
         scene=scene,
     )
-    lab = by_ids(_with_starter(lab))
+    lab = by_ids(_with_silence(_with_starter(lab)))
     return replace(lab, points=_points(folder / RUBRIC, lab))
 
 
@@ -305,6 +306,19 @@ def _with_starter(lab: Lab) -> Lab:
     stages = lab.submission.stages
     named = replace(stages, starter=stages.starter or lab.checkpoints[lab.first].file)
     return replace(lab, submission=replace(lab.submission, stages=named))
+
+
+def _with_silence(lab: Lab) -> Lab:
+    """Return a lab whose checkpoints know the topics of the graphs that they have removed."""
+    topics: dict[str, set[str]] = {}
+    for topic in graph_topics(lab):
+        topics.setdefault(topic.graph, set()).add(topic.name)
+    points = {}
+    for key, point in lab.checkpoints.items():
+        there = [topics.get(name, set()) for name in point.graphs]
+        gone = [topics.get(n, set()) for n, g in lab.graphs.items() if point.is_removed(g.path)]
+        points[key] = replace(point, silent=frozenset().union(*gone).difference(*there))
+    return replace(lab, checkpoints=points)
 
 
 def _refuse_other_names(policy: Policy, platform: Platform) -> None:

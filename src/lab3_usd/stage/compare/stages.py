@@ -74,7 +74,10 @@ def compare_starter(
     share_layers = not set(before.GetUsedLayers()).isdisjoint(after.GetUsedLayers())
     comparison = _Comparison(before, after, terms, scope, share_layers)
     key = ("changes", id(before), id(after), terms.bodies_rest)
-    return StarterSubject(rules, cached(key, lambda: tuple(_changes(comparison))))
+    changes = cached(key, lambda: tuple(_changes(comparison)))
+    point = lab.checkpoints[checkpoint]
+    kept = (change for change in changes if not point.is_removed(change.prim))
+    return StarterSubject(rules, tuple(kept) if point.removed else changes)
 
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:

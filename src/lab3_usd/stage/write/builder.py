@@ -189,6 +189,8 @@ def _checkpoint_layers(
                 continue
             layer = Sdf.Layer.CreateAnonymous(".usda")
             layer.TransferContent(growing)
+        for path in checkpoint.removed:
+            _remove(layer, stage, path)
         with Sdf.ChangeBlock():
             for sensor in checkpoint.new_sensors:
                 spec = lab.sensors[sensor]
@@ -212,6 +214,16 @@ def _checkpoint_layers(
             yield targets.pop(checkpoint.id), layer
             if not targets:
                 return
+
+
+def _remove(layer: Sdf.Layer, stage: Usd.Stage, path: str) -> None:
+    """Take a prim out of a stage: switch it off where another layer than the starter has it."""
+    spec, prim = layer.GetPrimAtPath(path), stage.GetPrimAtPath(path)
+    own = stage.GetRootLayer()
+    if prim and any(each.layer != own for each in prim.GetPrimStack()):
+        Sdf.CreatePrimInLayer(layer, path).active = False
+    elif spec is not None:
+        del spec.nameParent.nameChildren[spec.name]
 
 
 def _author_names(layer: Sdf.Layer, lab: Lab, path: str) -> None:
