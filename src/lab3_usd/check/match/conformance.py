@@ -7,7 +7,9 @@ from collections.abc import Mapping, Sequence
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import GraphSubject
+from lab3_usd.facts.endpoints import used_topics
 from lab3_usd.facts.reaching_values import effective_value
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value, are_alike
 from lab3_usd.model.stage import GraphModel, Node, RenderProduct, once_per_stage, same_value
@@ -50,12 +52,30 @@ class Found(Struct, frozen=True):
 def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
     """Return every setting of every matched node."""
     found: list[Found] = []
+    namespace = INPUT + subject.lab.platform.ros.namespace
     for node, spec in subject.matched:
+        names = {namespace, *spec.type.topics}
+        is_same_topic = resolves_as_asked(node, spec, subject)
         for setting in spec.settings:
             value = effective_value(node, setting.port, subject.live_nodes)
-            met = setting_matches(node, setting, value)
+            met = (is_same_topic and setting.port in names) or setting_matches(node, setting, value)
             found.append(Found(node, spec, setting, value, met))
     return tuple(found)
+
+
+def resolves_as_asked(node: Node, spec: NodeSpec, subject: GraphSubject) -> bool:
+    """Whether namespace and names of a node make the topics that those of its role make."""
+    port, live = INPUT + subject.lab.platform.ros.namespace, subject.live_nodes
+    asked = {setting.port: setting.value for setting in spec.settings}
+    own, wanted = effective_value(node, port, live), asked.get(port) or ""
+    # A namespace of its own counts alone, none lets those of the prims above count.
+    if own is None or (wanted and not own and node.namespaces) or not spec.type.topics:
+        return False
+    return all(
+        resolved_topic(str(effective_value(node, topic, live) or ""), str(own))
+        == resolved_topic(str(asked.get(topic, spec.type.default(topic, None))), str(wanted))
+        for topic in used_topics(node, spec.type, live)
+    )
 
 
 def target_matches(node: Node, target: Target) -> bool:

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from lab3_usd.check.lab_topics import role_specs
 from lab3_usd.check.match.conformance import (
     Found,
+    resolves_as_asked,
     setting_matches,
     settings_of,
 )
@@ -331,6 +332,8 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
                 continue
             is_moved, sources = bool(resolved_topic(value)), node.sources(port.name)
             if not (is_moved or value.isspace()):
+                continue
+            if is_moved and resolves_as_asked(node, spec, subject):
                 continue
             hint = f"select {role_title(spec)} and clear {port.short} in the Property panel"
             if sources:
