@@ -40,7 +40,7 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.reader import read_model
-from lab3_usd.yaml_file import read_yaml, record
+from lab3_usd.yaml_file import as_record, read_yaml
 
 __all__ = [
     "ApplySchema",
@@ -158,7 +158,7 @@ def rule_cases(folder: Path) -> list[RuleCase]:
 
 
 def _cases_in(file: Path) -> Iterator[RuleCase]:
-    cases = record(read_yaml(file), _Cases, file.name)
+    cases = as_record(read_yaml(file), _Cases, file.name)
     triggers = {"break": _Trigger(expect=cases.expect, steps=cases.steps), **cases.more}
     others = {"clear": cases.clear, **cases.alike}
     all_cases = [(name, case.steps, case.expect) for name, case in triggers.items()]

@@ -131,7 +131,7 @@ _LISTS = (list, tuple)
 _ENTRY = "entry "  # what stands for a name in a list
 
 
-def record(data: Any, kind: type[_T], where: str) -> _T:
+def as_record(data: Any, kind: type[_T], where: str) -> _T:
     """Return `data` as a value of `kind`, a type that msgspec knows.
 
     A record may have `FORMER` names of its keys, with those that they have now, and keys that are
@@ -170,7 +170,8 @@ def records(
         if key in entry:
             raise SpecError(f"{where}: {name}: {key!r} is not known; '{name}' is what it is called")
     return {
-        name: record({key: name, **entry}, kind, f"{where}: {name}") for name, entry in data.items()
+        name: as_record({key: name, **entry}, kind, f"{where}: {name}")
+        for name, entry in data.items()
     }
 
 

@@ -6,7 +6,7 @@ import models as m
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.check.lab_topics import publishers
+from lab3_usd.check.lab_topics import publishers_by_topic
 from lab3_usd.check.registry import rules_of
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Problem
@@ -129,7 +129,7 @@ def test_a_publisher_whose_topic_the_lab_leaves_at_its_default_has_no_second() -
     graph = replace(clock, nodes={**clock.nodes, "ros2_publish_clock": kept})
     lab = replace(lab, graphs={**lab.graphs, "ROS_Clock": graph})
     subject = replace(m.subject(m.stage(copy_of("ROS_Clock"))), lab=lab)
-    ((again,),) = [topic.blamed for topic in publishers(subject)]
+    ((again,),) = [topic.blamed for topic in publishers_by_topic(subject)]
     assert again.node.path == "/Graph/ROS_Clock/ros2_publish_clock"
 
 

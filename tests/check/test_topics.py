@@ -13,7 +13,7 @@ from invoking import invoke
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 
-from lab3_usd.facts.endpoints import Endpoint, decode, endpoints, resolve
+from lab3_usd.facts.endpoints import Endpoint, endpoints, read_profile, ros_name
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.qos import Qos
 from lab3_usd.model.stage import Node, PortState, StageModel
@@ -73,7 +73,7 @@ def changed(role: str, graph: str, **inputs: Value) -> StageModel:
 def test_names_resolve_as_the_bridge_writes_them(
     namespace: str, written: str, topic: str | None
 ) -> None:
-    assert resolve(namespace, written) == topic
+    assert ros_name(namespace, written) == topic
 
 
 def test_the_lab_has_its_topics() -> None:
@@ -317,7 +317,7 @@ def test_a_profile_is_decoded() -> None:
     ],
 )
 def test_a_profile_that_isaac_sim_refuses_is_none(text: str) -> None:
-    assert decode(text) is None
+    assert read_profile(text) is None
 
 
 def with_maker(**inputs: Value) -> StageModel:

@@ -17,7 +17,7 @@ from workers_here import graded_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings
-from lab3_usd.grade.intake.addresses import is_address, shown_place
+from lab3_usd.grade.intake.addresses import is_address, public_place
 from lab3_usd.grade.intake.remote import (
     entries_at,
     fetched,
@@ -142,11 +142,11 @@ def test_addresses_are_told_from_paths() -> None:
     ],
 )
 def test_what_opens_a_storage_is_not_printed(address: str, printed: str) -> None:
-    assert shown_place(address) == printed
+    assert public_place(address) == printed
 
 
 def test_a_path_is_printed_as_it_is() -> None:
-    assert shown_place(Path("a:b@c?d=e")) == "a:b@c?d=e"
+    assert public_place(Path("a:b@c?d=e")) == "a:b@c?d=e"
 
 
 @pytest.mark.parametrize("address", ["nonsense://course", "file:///no/such/folder"])

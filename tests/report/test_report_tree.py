@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import Edge
-from lab3_usd.facts.tree import frame_faults, tree
+from lab3_usd.facts.tree import frame_faults, tree_of
 from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_dot, tree_json
 from lab3_usd.stage.write.builder import build_checkpoint
 
@@ -31,7 +31,7 @@ def text(*pairs: str, unknown: tuple[str, ...] = (), verbose: bool = False) -> l
 
 
 def kinds(*pairs: str) -> list[tuple[str, str]]:
-    return [(fault.frame, fault.kind) for fault in frame_faults(tree(edges(*pairs)))]
+    return [(fault.frame, fault.kind) for fault in frame_faults(tree_of(edges(*pairs)))]
 
 
 def test_a_tree_is_drawn_in_the_order_it_is_published() -> None:
@@ -102,7 +102,7 @@ def test_a_frame_that_the_stage_must_not_place_is_marked() -> None:
 
 
 def test_every_frame_stands_below_some_root() -> None:
-    assert tree(edges("a b", "x y", "r s", "s r")).roots == ("a", "x", "r")
+    assert tree_of(edges("a b", "x y", "r s", "s r")).roots == ("a", "x", "r")
 
 
 def test_a_deep_tree_is_no_problem() -> None:

@@ -26,7 +26,14 @@ from scene_changes import (
 from lab3_usd.model.dry_run import AXES, HERE, Affine, ScenePrim, about, rotation
 from lab3_usd.physics.machine import Machine
 from lab3_usd.physics.machines import Machines
-from lab3_usd.physics.surfaces import Surface, cut, distance, height_at, joined, placed
+from lab3_usd.physics.surfaces import (
+    Surface,
+    cut,
+    distance_to_segments,
+    height_at,
+    joined_segments,
+    placed_surface,
+)
 from lab3_usd.sim.lidar import Beam, sweep
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
@@ -170,10 +177,10 @@ def prim(kind: str, **values: object) -> ScenePrim:
 
 
 def test_a_cube_is_cut_into_a_square() -> None:
-    square = joined(cut([placed(prim("Cube", size=2.0), HERE)], 0.5))
+    square = joined_segments(cut([placed_surface(prim("Cube", size=2.0), HERE)], 0.5))
     assert len(square) == 4
-    assert distance(square, 0.0, 0.0) == pytest.approx(1.0)
-    assert cut([placed(prim("Cube", size=2.0), HERE)], 1.5) == []
+    assert distance_to_segments(square, 0.0, 0.0) == pytest.approx(1.0)
+    assert cut([placed_surface(prim("Cube", size=2.0), HERE)], 1.5) == []
 
 
 @pytest.mark.parametrize(
@@ -187,7 +194,7 @@ def test_a_cube_is_cut_into_a_square() -> None:
     ids=lambda each: getattr(each, "type", ""),
 )
 def test_round_shapes_are_cut_into_circles(shape: ScenePrim, radius: float) -> None:
-    found = cut([placed(shape, HERE)], 0.3)
+    found = cut([placed_surface(shape, HERE)], 0.3)
     assert max(math.hypot(x, y) for x, y, _, _ in found) == pytest.approx(radius, rel=0.01)
 
 
@@ -199,7 +206,7 @@ def mesh(faces: Sequence[int]) -> Surface:
         name: memoryview(value if isinstance(value, array) else array("i", value))
         for name, value in values.items()
     }
-    return placed(prim("Mesh", **buffers), HERE)
+    return placed_surface(prim("Mesh", **buffers), HERE)
 
 
 def test_a_mesh_is_what_its_faces_say() -> None:

@@ -19,7 +19,7 @@ from lab3_usd.author.presence import Likeness, likeness, rivals
 from lab3_usd.author.request import Options, Request, checked
 from lab3_usd.author.task import Hole, Task
 from lab3_usd.errors import GraphError, StageError, UsageError, unwritten
-from lab3_usd.facts.frame_targets import frame_name, tf_ports
+from lab3_usd.facts.frame_targets import frame_of_prim, tf_ports
 from lab3_usd.facts.frames import all_edges
 from lab3_usd.files import FileState, temporary_beside
 from lab3_usd.isaac.filling import filled
@@ -275,8 +275,8 @@ def _sender_of_all(task: Task, values: dict[str, Any]) -> str:
     if "frames" not in task.recipe.needs or not values["targets"]:
         return ""
     model, parent, sent = task.stage, values["parent"], sent_frames(task)
-    top = frame_name(parent, model) if parent else model.platform.world_frame
-    edges = {target: sent.get(frame_name(target, model)) for target in values["targets"]}
+    top = frame_of_prim(parent, model) if parent else model.platform.world_frame
+    edges = {target: sent.get(frame_of_prim(target, model)) for target in values["targets"]}
     if any(e is None or (e.prim, e.parent) != (target, top) for target, e in edges.items()):
         return ""
     return next(edge.publisher.rpartition("/")[0] for edge in edges.values() if edge is not None)
@@ -370,14 +370,14 @@ def _add_to_node(editing: Editing, request: Request) -> Addition:
             f"--parent {options.parent}: {maker.path} has {top or 'no parent prim'}; add a graph "
             "for another parent"
         )
-    frame = frame_name(top, model) if top else editing.platform.world_frame
+    frame = frame_of_prim(top, model) if top else editing.platform.world_frame
     for target in targets:
-        if target == top or frame_name(target, model) == frame:
+        if target == top or frame_of_prim(target, model) == frame:
             raise UsageError(f"{frame} would be its own parent: {target} below {top}")
     there = maker.targets(ports[1])
     new = tuple(target for target in targets if target not in there)
     graph = maker.path.rpartition("/")[0]
-    shown = ", ".join(frame_name(target, model) for target in targets)
+    shown = ", ".join(frame_of_prim(target, model) for target in targets)
     holes = (
         Hole("targets", targets, "frames", shown, "given", "--targets"),
         Hole("parent", top, "parent", frame, f"as {maker.path}", "--parent"),
@@ -386,8 +386,8 @@ def _add_to_node(editing: Editing, request: Request) -> Addition:
         return Addition(request, graph, 0, holes=holes)
     sent = {edge.child: edge.publisher for edge in all_edges(model)}
     for target in new:
-        if frame_name(target, model) in sent:
-            name = frame_name(target, model)
+        if frame_of_prim(target, model) in sent:
+            name = frame_of_prim(target, model)
             raise UsageError(f"{sent[name]} sends the frame {name} already")
     editing.edit([Retarget(maker.path, ports[1], (*there, *new))])
     note = f"{len(new)} prims more in {maker.path}.{ports[1]}"

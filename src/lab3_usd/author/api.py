@@ -9,7 +9,7 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.author.adding import Addition, AddOptions, add_one, new_findings, with_frames
-from lab3_usd.author.choosing import described
+from lab3_usd.author.choosing import robot_line
 from lab3_usd.author.editing import Editing, open_for_edits
 from lab3_usd.author.places import graph_to_extend, refuse_place
 from lab3_usd.author.request import Request, options_of
@@ -21,8 +21,8 @@ from lab3_usd.isaac.graph import (
     Node,
     Wire,
     checked_path,
+    graph_node,
     make_graph,
-    make_node,
     make_wire,
     near_name,
     type_named,
@@ -128,7 +128,7 @@ class GraphOf:
             if known is not None and known.is_target:
                 targets[port] = _paths(values.pop(port))
         try:
-            made = NodeOf(make_node(role, found, values, targets))
+            made = NodeOf(graph_node(role, found, values, targets))
         except GraphError as error:
             raise GraphError(f"{role}: {error}") from error
         self._nodes[role] = made
@@ -216,7 +216,7 @@ class Stage:
         if len(found) == 1:
             return found[0]
         if found:
-            raise AmbiguousError("robot", [described(robot) for robot in found], "its path")
+            raise AmbiguousError("robot", [robot_line(robot) for robot in found], "its path")
         there = ", ".join(robot.path for robot in known) or "none"
         raise UsageError(f"{self.path}: there is no robot{f' {path}' if path else ''}: {there}")
 

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Sequence
 from lab3_usd.author.request import Options
 from lab3_usd.errors import AmbiguousError, UsageError
 from lab3_usd.facts.articulations import articulations
-from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.robots import Robot, Sensor, robots, sensors
@@ -50,7 +50,7 @@ def choose_robot(stage: StageModel, options: Options, need: str = "") -> Robot:
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
-        raise AmbiguousError("robot", [described(robot) for robot in fitting], "--robot")
+        raise AmbiguousError("robot", [robot_line(robot) for robot in fitting], "--robot")
     missing = next(iter(stage.unresolved), None)
     if missing is not None:
         raise UsageError(
@@ -71,7 +71,7 @@ def _named_robot(path: str, stage: StageModel) -> Robot:
     if path in by_root:
         return by_root[path]
     if len(roots) > 1:
-        named = [described(by_root[root], root) for root in roots]
+        named = [robot_line(by_root[root], root) for root in roots]
         raise AmbiguousError("articulation root", named, "--robot")
     if roots:
         return by_root[roots[0]]
@@ -88,7 +88,7 @@ def _named_robot(path: str, stage: StageModel) -> Robot:
     )
 
 
-def described(robot: Robot, path: str = "") -> str:
+def robot_line(robot: Robot, path: str = "") -> str:
     """Return a robot as a question lists it."""
     count = len(robot.wheels)
     wheels = f"{count} wheel{'s' * (count != 1)}"
@@ -109,7 +109,7 @@ def choose_sensor(recipe: Recipe, stage: StageModel, options: Options) -> Sensor
         prim = present_prim(options.prim, stage, "--prim")
         _check_sensor(prim, recipe, stage)
         carrier = joined_bodies(stage).carrier(prim.path)
-        return Sensor(prim, recipe.kind, frame_name(prim.path, stage), carrier)
+        return Sensor(prim, recipe.kind, frame_of_prim(prim.path, stage), carrier)
     found = [sensor for sensor in sensors(stage) if sensor.kind == recipe.kind]
     if options.robot is not None:
         robot = _named_robot(options.robot, stage)

@@ -11,15 +11,15 @@ from lab3_usd.author.ros_holes import domain_holes, namespace_holes
 from lab3_usd.author.task import Hole, Task, robot_of_task
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.domains import Domain, may_meet
-from lab3_usd.facts.endpoints import namespaces_above, resolve
-from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.endpoints import namespaces_above, ros_name
+from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.frames import Edge, all_edges
 
 
 def chassis(task: Task) -> Iterator[Hole]:
     """Yield the base that odometry is of, its frame, and the links whose frames come with it."""
     robot, stage, options = robot_of_task(task), task.stage, task.options
-    natural = frame_name(robot.base, stage)
+    natural = frame_of_prim(robot.base, stage)
     frame = options.frame or natural
     source = "given" if options.frame else f"the name of {robot.base}"
     yield Hole("base_frame", frame, "base", f"{frame}", source, "--frame")
@@ -36,19 +36,18 @@ def chassis(task: Task) -> Iterator[Hole]:
         yield Hole("link_frames", None, "links", "none", f"they hang below {natural}", "--robot-tf")
         return
     sent = sent_frames(task)
-    already = [link for link in links if frame_name(link, stage) in sent]
+    already = [link for link in links if frame_of_prim(link, stage) in sent]
     new = tuple(link for link in links if link not in already)
     if already and options.robot_tf:
-        first = frame_name(already[0], stage)
+        first = frame_of_prim(already[0], stage)
         raise UsageError(
             f"the frame {first} is sent already, by {sent[first].publisher}; --no-robot-tf"
         )
-    shown = ", ".join(frame_name(link, stage) for link in new) or "none"
+    shown = ", ".join(frame_of_prim(link, stage) for link in new) or "none"
     source = f"below {natural}"
     if already:
-        source = (
-            f"{len(already)} are sent already, by {sent[frame_name(already[0], stage)].publisher}"
-        )
+        sender = sent[frame_of_prim(already[0], stage)].publisher
+        source = f"{len(already)} are sent already, by {sender}"
     yield Hole("link_frames", new, "links", shown, source, "--robot-tf")
 
 
@@ -59,7 +58,7 @@ def sent_frames(task: Task) -> dict[str, Edge]:
     topic = usual.get("tf_topic") or usual.get("topic", "")
     own = [value for _, value in namespaces_above(task.path, task.stage)]
     space = wanted["tf_namespace"] or next(iter(own), "")
-    name = resolve(space, topic)
+    name = ros_name(space, topic)
     domain = _own_domain(task)
     return {
         edge.child: edge
@@ -93,13 +92,13 @@ def frames(task: Task) -> Iterator[Hole]:
         source = f"the links of {robot.path}"
     else:
         targets, source = (), ""
-    top = frame_name(parent, stage) if parent else stage.platform.world_frame
+    top = frame_of_prim(parent, stage) if parent else stage.platform.world_frame
     for target in targets:
-        if target == parent or frame_name(target, stage) == top:
+        if target == parent or frame_of_prim(target, stage) == top:
             raise UsageError(
-                f"{frame_name(target, stage)} would be its own parent: {target} below {parent}"
+                f"{frame_of_prim(target, stage)} would be its own parent: {target} below {parent}"
             )
-    shown = ", ".join(frame_name(target, stage) for target in targets)
+    shown = ", ".join(frame_of_prim(target, stage) for target in targets)
     yield Hole("targets", targets, "frames", shown, source, "--targets")
     why = (
         "given"

@@ -12,7 +12,7 @@ from lab3_usd.author.choosing import (
 )
 from lab3_usd.author.request import Options
 from lab3_usd.author.task import Hole, Task, leaf
-from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.robots import Robot, Sensor, robot_of
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.model.stage import StageModel
@@ -56,7 +56,7 @@ def fill(task: Task) -> list[Hole]:
             Hole("robot", robot.path, "robot", robot.path, source, "--robot"),
             Hole("root", robot.root),
             Hole("base", robot.base),
-            Hole("base_frame", frame_name(robot.base, task.stage)),
+            Hole("base_frame", frame_of_prim(robot.base, task.stage)),
         ]
     for need in task.recipe.needs:
         holes += _FILLERS[need](task)

@@ -12,7 +12,7 @@ from msgspec.structs import fields
 
 from lab3_usd.errors import UsageError
 from lab3_usd.isaac.recipes import Recipe
-from lab3_usd.yaml_file import read_foreign_yaml, record
+from lab3_usd.yaml_file import as_record, read_foreign_yaml
 
 # Options that every kind takes, those of kinds with a robot, of sensors, and of ROS.
 _EVERY = ("graph", "into")
@@ -141,7 +141,7 @@ def requests_of_file(path: Path) -> list[Request]:
         SpecError: the file is no YAML of this form.
         UsageError: an option is unknown or has another type.
     """
-    content = record(read_foreign_yaml(path), _File, path.name)
+    content = as_record(read_foreign_yaml(path), _File, path.name)
     return [_request(entry, f"{path.name}: add: {n}") for n, entry in enumerate(content.add, 1)]
 
 

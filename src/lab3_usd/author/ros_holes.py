@@ -6,9 +6,9 @@ from collections.abc import Iterator
 
 from lab3_usd.author.task import Hole, Task
 from lab3_usd.errors import AmbiguousError, UsageError
-from lab3_usd.facts.clocks import stamps
+from lab3_usd.facts.clocks import topic_clocks
 from lab3_usd.facts.domains import LAST_DOMAIN, domains
-from lab3_usd.facts.endpoints import namespaces_above, resolve
+from lab3_usd.facts.endpoints import namespaces_above, ros_name
 
 
 def ros(task: Task) -> Iterator[Hole]:
@@ -37,7 +37,7 @@ def checked_topic(name: str, option: str) -> str:
     Raises:
         UsageError: ROS 2 has no such topic.
     """
-    if resolve("", name) is None:
+    if ros_name("", name) is None:
         raise UsageError(f"{option} {name!r}: is no topic; letters, digits, _ and / make one")
     return name
 
@@ -58,7 +58,9 @@ def domain_holes(task: Task) -> Iterator[Hole]:
         )
         yield Hole("domain_by_environment", None)
         return
-    clocks = list(dict.fromkeys(stamp.domain for stamp in stamps(task.stage) if stamp.is_clock))
+    clocks = list(
+        dict.fromkeys(stamp.domain for stamp in topic_clocks(task.stage) if stamp.is_clock)
+    )
     found = clocks if len(clocks) == 1 else list(known)
     if len(found) > 1:
         names = [f"{domain} ({nodes[0].path})" for domain, nodes in known.items()]
@@ -74,7 +76,7 @@ def namespace_holes(task: Task) -> Iterator[Hole]:
     """Yield the namespace that the nodes need so that their topics are those of the subject."""
     given = task.options.namespace
     if given is not None:
-        if given and resolve(given, "a") is None:
+        if given and ros_name(given, "a") is None:
             raise UsageError(f"--namespace {given!r}: is no namespace of ROS 2")
         yield Hole("namespace", given, "namespace", given, "given", "--namespace")
         yield Hole("tf_namespace", given)
@@ -98,7 +100,7 @@ def namespace_holes(task: Task) -> Iterator[Hole]:
 
 def time(task: Task) -> Iterator[Hole]:
     """Yield whether simulation time begins anew after Stop, as elsewhere in the stage."""
-    known = {stamp.restarts for stamp in stamps(task.stage) if stamp.restarts is not None}
+    known = {stamp.restarts for stamp in topic_clocks(task.stage) if stamp.restarts is not None}
     restarts = next(iter(known)) if len(known) == 1 else True
     if known and not restarts:
         yield Hole(

@@ -11,7 +11,7 @@ from lab3_usd.author.choosing import (
 )
 from lab3_usd.author.task import Hole, Task, leaf, robot_of_task
 from lab3_usd.errors import UsageError
-from lab3_usd.facts.robots import Robot, RobotJoint, Wheel, pairs
+from lab3_usd.facts.robots import Robot, RobotJoint, Wheel, wheel_pairs
 from lab3_usd.model.joint_drives import JointCommand, of_drive
 from lab3_usd.model.prims import is_at_or_below
 
@@ -79,7 +79,7 @@ def _wheel_groups(task: Task) -> list[_Pair]:
     first = wheels[0].axle
     if any(abs(sum(a * b for a, b in zip(first, w.axle, strict=True))) < _PARALLEL for w in wheels):
         raise UsageError(f"the axles of {robot.path} are not parallel: lab3 add holonomic")
-    found_pairs = pairs(wheels)
+    found_pairs = wheel_pairs(wheels)
     if not found_pairs or len(found_pairs) * _PAIR != len(wheels):
         named = ", ".join(f"{wheel.joint.name} ({wheel.side})" for wheel in wheels)
         raise UsageError(f"{robot.path} has no pairs of wheels left and right: {named}; --joints")
@@ -156,7 +156,7 @@ def steering(task: Task) -> Iterator[Hole]:
     robot = robot_of_task(task)
     steered = [wheel for wheel in robot.wheels if wheel.steering is not None]
     fixed = [wheel for wheel in robot.wheels if wheel.steering is None]
-    turning, rolling = pairs(steered), pairs(fixed)
+    turning, rolling = wheel_pairs(steered), wheel_pairs(fixed)
     if len(turning) != 1 or len(rolling) != 1 or len(steered) + len(fixed) != 2 * _PAIR:
         missing = task.stage.unknown_below(robot.path)
         if missing is not None:

@@ -8,7 +8,7 @@ from msgspec import Struct, field
 
 from lab3_usd.check.fold import fold
 from lab3_usd.check.lab_frames import tf_view
-from lab3_usd.check.match.diagnosis import diagnose
+from lab3_usd.check.match.diagnosis import faulty_wires
 from lab3_usd.check.match.graphs import match_all
 from lab3_usd.check.match.rule_inputs import GraphSubject, JudgedStage, LintSubject, StageSubject
 from lab3_usd.check.message_suffixes import with_named_nodes
@@ -172,5 +172,5 @@ def _graph_subjects(
                 for role, spec in specs[name].nodes.items()
                 if (node := roles[name].node_of[role]) is not None
             ),
-            wire_faults=diagnose(specs[name], roles[name], live),
+            wire_faults=faulty_wires(specs[name], roles[name], live),
         )

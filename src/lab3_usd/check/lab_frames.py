@@ -20,7 +20,7 @@ from lab3_usd.facts.frame_targets import (
     computed_pairs,
     computes,
     expands,
-    frame_name,
+    frame_of_prim,
     links_given_by,
     listed_targets,
     parent_prim,
@@ -448,7 +448,7 @@ def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
 def _unasked_parent(node: Node, what: str, view: TfView) -> Problem:
     """Say what is its own parent where the lab asks for no parent prim at all."""
     parent, frames = parent_prim(node), view.subject.lab.frames
-    frame = frame_name(parent, view.subject.stage)
+    frame = frame_of_prim(parent, view.subject.stage)
     is_placed = any(edge.parent != frame for edge in view.children.get(frame, ()))
     is_lost = not is_placed and any(child == frame for _, child in frames.edges)
     return Problem(

@@ -8,7 +8,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject, StageSubject
 from lab3_usd.facts.domains import Domain
-from lab3_usd.facts.endpoints import Endpoint, endpoints, resolve
+from lab3_usd.facts.endpoints import Endpoint, endpoints, ros_name
 from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.finding import Place
 from lab3_usd.model.stage import once_per_stage
@@ -36,7 +36,7 @@ def required_topic(spec: NodeSpec | None, port: str) -> str | None:
     """Return the topic that the lab wants at one input of a role, None where it wants none."""
     if spec is None:
         return None
-    return next((resolve("", str(s.value)) for s in spec.settings if s.port == port), None)
+    return next((ros_name("", str(s.value)) for s in spec.settings if s.port == port), None)
 
 
 class Publishers(Struct, frozen=True, eq=False):
@@ -71,7 +71,7 @@ def wanted_topic(endpoint: Endpoint, subject: TopicsSubject) -> TopicSpec | None
 
 
 @once_per_stage
-def publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
+def publishers_by_topic(subject: TopicsSubject) -> tuple[Publishers, ...]:
     """Return who publishes each topic, where several do; transforms have many publishers.
 
     Nobody hears publishers of different domains together. With a lab a role comes first; one whose

@@ -127,9 +127,9 @@ PARTS: Mapping[str, Callable[[Lab], bool]] = {
 
 def _kinds(lab: Lab) -> set[str]:
     """Return which rules judge sensors of a lab."""
-    from lab3_usd.check.robot.sensors import kind_of
+    from lab3_usd.check.robot.sensors import judging_kind
 
-    return {kind_of(sensor) for sensor in lab.sensors.values()}
+    return {judging_kind(sensor) for sensor in lab.sensors.values()}
 
 
 def in_words_of(lab: Lab | None, manual: str) -> str:

@@ -22,7 +22,7 @@ from lab3_usd.check.registry import TF, Demand, Demands, scene_demands
 from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
 from lab3_usd.check.robot.sensors import sensor_group
-from lab3_usd.facts.tree import tree
+from lab3_usd.facts.tree import tree_of
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, once_per_stage, same_value
@@ -267,7 +267,7 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
     spec = subject.lab.frames
     view = tf_view(subject)
     waived = waived_frames(view)
-    heard = tree(view.edges)
+    heard = tree_of(view.edges)
     published = {(edge.parent, edge.child) for edge in view.edges}
     for parent, child in spec.edges:
         met = (parent, child) in published or child in waived

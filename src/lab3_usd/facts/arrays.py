@@ -12,12 +12,12 @@ from lab3_usd.model.stage import Node
 
 def listed_names(node: Node, port: str, live: Nodes) -> tuple[str, ...] | None:
     """Return the names that reach an input as a list, None where they are unknown."""
-    value = listed(node, port, live)
+    value = list_at(node, port, live)
     is_known = value is not None and all(isinstance(item, str) for item in value)
     return tuple(map(str, value)) if is_known and value is not None else None
 
 
-def listed(node: Node, port: str, live: Nodes) -> tuple[Value, ...] | None:
+def list_at(node: Node, port: str, live: Nodes) -> tuple[Value, ...] | None:
     """Return the list that reaches an input, None where it is unknown."""
     value = listed_value(node, port, live)
     return value if isinstance(value, tuple) else None

@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
-from lab3_usd.facts.arrays import listed, listed_names
+from lab3_usd.facts.arrays import list_at, listed_names
 from lab3_usd.facts.execution_order import live_nodes, nodes_of
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.facts.joined_bodies import joined_bodies
@@ -28,9 +28,9 @@ from lab3_usd.model.physics import (
     is_excluded,
     is_joint_type,
     is_switched_off,
+    joint_limits,
     joints,
     joints_at,
-    limits,
     number,
     rigid_bodies,
 )
@@ -273,7 +273,7 @@ def has_joint(joints: Mapping[str, Prim], name: str) -> bool:
     return name in joints or (is_axis and joints[stem].type not in DRIVEN_AXES)
 
 
-def commanded_joints(command: Command, port: str, stage: StageModel) -> list[Prim]:
+def joints_commanded(command: Command, port: str, stage: StageModel) -> list[Prim]:
     """Return the joints that a command surely moves: those that are named, or all of the robot.
 
     Without names each joint gets a command only where there are as many commands as joints, and
@@ -299,7 +299,7 @@ def named_joints(command: Command, stage: StageModel) -> list[str] | None:
     """
     if command.names is not None:
         return list(command.names or joints_of(command, stage))
-    numbers = listed(command.node, command.ports.indices, live_nodes(stage))
+    numbers = list_at(command.node, command.ports.indices, live_nodes(stage))
     axes = [joint.name for joint in _axes(command, stage)]
     is_whole = numbers is not None and sorted(map(str, numbers)) == sorted(
         map(str, range(len(axes)))
@@ -359,8 +359,8 @@ def _rolls(joint: Prim, joints: Iterable[Prim], stage: StageModel) -> bool:
     carries = any(other is not joint and link in ends(other) for other in joints)
     if carries and _has_drive(joint):
         return False
-    low, high = limits(joint.attributes)
-    stiffness = number(joint.attributes.get(f"{drive_of(joint) or ''}stiffness")) or 0.0
+    low, high = joint_limits(joint.attributes)
+    stiffness = number(joint.attributes.get(f"{drive_attributes(joint) or ''}stiffness")) or 0.0
     return joint.type == REVOLUTE and high - low > FAR and stiffness <= 0.0
 
 
@@ -405,7 +405,7 @@ def wired_commands(command: Command) -> list[str]:
     return given
 
 
-def drive_of(joint: Prim) -> str | None:
+def drive_attributes(joint: Prim) -> str | None:
     """Return what the attributes of a joint's drive begin with, None for a joint without one."""
     kinds = (
         api for api in joint.apis if api.startswith(f"{_DRIVE}:{DRIVEN_AXES.get(joint.type, '')}")
@@ -419,7 +419,7 @@ def leaves_joints(command: Command, port: str, stage: StageModel) -> bool:
 
     A drive without stiffness goes to no position; damping holds a joint against a small effort.
     """
-    joints = commanded_joints(command, port, stage) if command.roots else []
+    joints = joints_commanded(command, port, stage) if command.roots else []
     told = {joint.name for joint in joints}
     others = (
         named_joints(other, stage)
@@ -436,7 +436,7 @@ def leaves_joints(command: Command, port: str, stage: StageModel) -> bool:
 
 def _leaves(joint: Prim, port: str, ports: DrivePorts) -> bool:
     position, _, effort = ports.commands
-    drive = drive_of(joint) or ""
+    drive = drive_attributes(joint) or ""
     stiffness, damping = (
         number(joint.attributes.get(f"{drive}{word}")) or 0.0 for word in ("stiffness", "damping")
     )

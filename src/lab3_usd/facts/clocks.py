@@ -33,7 +33,7 @@ class Stamp(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def stamps(stage: StageModel) -> tuple[Stamp, ...]:
+def topic_clocks(stage: StageModel) -> tuple[Stamp, ...]:
     """Return the clock of each topic that is published."""
     return tuple(_stamps(stage))
 

@@ -78,7 +78,7 @@ def qos_of(node: Node, live: Nodes, *, static: bool) -> Qos | None:
     if text is None and node.has_port(PROFILE):
         return None
     if isinstance(text, str) and text:
-        return decode(text)
+        return read_profile(text)
     depth = effective_value(node, QUEUE, live)
     is_whole = isinstance(depth, int) and not isinstance(depth, bool)
     return replace(_DEFAULT, depth=depth if is_whole else None)
@@ -89,7 +89,7 @@ def is_maker(node: Node) -> bool:
     return node.type is not None and all(INPUT + name in node.type.ports for name in FIELDS)
 
 
-def decode(text: str) -> Qos | None:
+def read_profile(text: str) -> Qos | None:
     """Read a profile written as JSON; None where Isaac Sim would refuse it."""
     import json
 
@@ -161,7 +161,7 @@ class Endpoint(Struct, frozen=True):
     silence: str = ""
 
 
-def resolve(namespace: str, written: str) -> str | None:
+def ros_name(namespace: str, written: str) -> str | None:
     """Return the full name of a topic as Isaac Sim's bridge asks ROS 2 for it.
 
     The bridge strips whatever is no letter or digit from both ends of the name and puts the
@@ -288,7 +288,7 @@ def full_topic(node: Node, port: str, stage: StageModel, live: Nodes) -> str | N
     is_known = not node.is_unknown(INPUT + stage.platform.ros.namespace)
     if not isinstance(written, str) or not is_known:
         return None
-    return resolve(namespace_of(node, stage, live), written)
+    return ros_name(namespace_of(node, stage, live), written)
 
 
 def display_unknown(node: Node, port: str) -> str:

@@ -42,7 +42,7 @@ def feeding_nodes(node: Node, live: Nodes) -> list[Node]:
 
 
 @once_per_stage
-def working_nodes(stage: StageModel) -> frozenset[str]:
+def used_nodes(stage: StageModel) -> frozenset[str]:
     """Return the paths of the nodes that run or may run, and of those whose values they use."""
     live = live_nodes(stage)
     return frozenset(

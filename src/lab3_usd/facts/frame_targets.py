@@ -27,7 +27,7 @@ from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_sta
 NAME_OVERRIDE = "isaac:nameOverride"
 
 
-def frame_name(path: str, stage: StageModel) -> str:
+def frame_of_prim(path: str, stage: StageModel) -> str:
     """Return the frame of a prim: its name override, else the prim's own name."""
     prim = stage.prim(path)
     override = None if prim is None else prim.attributes.get(NAME_OVERRIDE)
@@ -45,7 +45,7 @@ def unique_names(paths: Sequence[str], stage: StageModel) -> list[str]:
     name; where that is taken too, an ancestor's name comes before it, but never that of a prim at
     the root, as the first path of the list has one.
     """
-    wanted = [frame_name(path, stage) for path in paths]
+    wanted = [frame_of_prim(path, stage) for path in paths]
     owner: dict[str, int] = {}
     for index, name in enumerate(wanted):
         if name not in owner or len(paths[index]) > len(paths[owner[name]]):
@@ -69,7 +69,7 @@ def _qualified(path: str, start: int, taken: Container[str], stage: StageModel) 
     leaf = _leaf(path)
     end = path.find("/", start + 1)
     while end >= 0:
-        above = frame_name(path[:end], stage)
+        above = frame_of_prim(path[:end], stage)
         if above != leaf and f"{above}_{leaf}" not in taken:
             return f"{above}_{leaf}"
         end = path.find("/", end + 1)
@@ -82,7 +82,7 @@ def names_in_turn(paths: Sequence[str], stage: StageModel) -> list[str]:
     taken: set[str] = set()
     for path in paths:
         if path not in names:
-            name = frame_name(path, stage)
+            name = frame_of_prim(path, stage)
             names[path] = path.strip("/").replace("/", "_") if name in taken else name
             taken.add(names[path])
     return [names[path] for path in paths]
@@ -233,7 +233,7 @@ def parent_prim(node: Node) -> str:
 def parent_frame(node: Node, stage: StageModel) -> str:
     """Return the frame below which a node hangs those that have no other parent."""
     prim = parent_prim(node)
-    return frame_name(prim, stage) if prim else stage.platform.world_frame
+    return frame_of_prim(prim, stage) if prim else stage.platform.world_frame
 
 
 def computed_pairs(node: Node, stage: StageModel) -> Sequence[Pair]:
@@ -333,7 +333,7 @@ def _bodies_above(paths: Sequence[str], node: Node, stage: StageModel) -> dict[s
     bodies = rigid_bodies(stage)
     still = (path for path in (*paths, parent_prim(node)) if path not in bodies)
     nearest = (above(path, bodies) for path in still)
-    return {path: frame_name(path, stage) for path in nearest if path}
+    return {path: frame_of_prim(path, stage) for path in nearest if path}
 
 
 _SAYS_NOTHING = frozenset({"", "Xform", "Scope"})  # types that a robot may have

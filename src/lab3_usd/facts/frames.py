@@ -11,7 +11,7 @@ from collections.abc import Container, Iterable, Mapping, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.facts.arrays import listed, listed_names
+from lab3_usd.facts.arrays import list_at, listed_names
 from lab3_usd.facts.domains import Domain, domain_of
 from lab3_usd.facts.endpoints import full_topic, message_type, moving_prims
 from lab3_usd.facts.execution_order import live_nodes, signal_inputs
@@ -28,7 +28,7 @@ from lab3_usd.facts.frame_targets import (
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.facts.stuck_nodes import working_nodes, working_states
-from lab3_usd.facts.tree import Tree, tree
+from lab3_usd.facts.tree import Tree, tree_of
 from lab3_usd.isaac.node_types import TfPorts
 from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
@@ -188,7 +188,7 @@ def trees_of(edges: Iterable[Edge]) -> tuple[HeardTree, ...]:
     for edge in edges:
         topic = edge.topic.removesuffix(STATIC)
         heard.setdefault((edge.domain.name, topic), []).append(edge)
-    return tuple(HeardTree(*key, tree(sent)) for key, sent in heard.items())
+    return tuple(HeardTree(*key, tree_of(sent)) for key, sent in heard.items())
 
 
 class SharedTopic(Struct, frozen=True, eq=False):
@@ -326,7 +326,7 @@ def _written_frames(node: Node, ports: TfPorts, scene: _Scene) -> list[tuple[str
         return None
     inputs = () if node.type is None else node.type.ports.values()
     lists = (port.name for port in inputs if port.usd_type.endswith("[]"))
-    arrays = [listed(node, port, scene.live_nodes) for port in lists]
+    arrays = [list_at(node, port, scene.live_nodes) for port in lists]
     if len({len(array) for array in arrays if array is not None}) > 1:
         return []
     parents, children = ([tf2_name(name) for name in array or ()] for array in names)

@@ -14,9 +14,9 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.endpoints import namespaces_above
-from lab3_usd.facts.frame_targets import ROBOT_API, frame_name
+from lab3_usd.facts.frame_targets import ROBOT_API, frame_of_prim
 from lab3_usd.facts.joined_bodies import JoinedBodies, joined_bodies
-from lab3_usd.facts.wheels import joint_axis, rolling_radius
+from lab3_usd.facts.wheels import axis_of_joint, rolling_radius
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, drive_prefix
 from lab3_usd.model.physics import (
     ARTICULATION_API,
@@ -28,8 +28,8 @@ from lab3_usd.model.physics import (
     bodies_below,
     is_articulated,
     is_excluded,
+    joint_limits,
     joints,
-    limits,
     number,
     rigid_bodies,
     vector,
@@ -279,7 +279,7 @@ def _robot_joint(joint: Prim, near: str, link: str) -> RobotJoint:
         name: number(values.get(start + name)) or 0.0
         for name in ("stiffness", "damping", "targetPosition", "targetVelocity")
     }
-    low, high = limits(values)
+    low, high = joint_limits(values)
     return RobotJoint(
         prim=joint,
         near=near,
@@ -373,7 +373,7 @@ def _swivels(joint: RobotJoint, up: Vector, stage: StageModel) -> bool:
 def _axle(joint: RobotJoint, stage: StageModel) -> Vector | None:
     """Return about what a positive speed turns the far body in the world, None where unknown."""
     side = _near_side(joint, stage)
-    local = joint_axis(joint.prim, side)
+    local = axis_of_joint(joint.prim, side)
     holder = stage.prim(bodies(joint.prim)[side])
     if local is None or holder is None or holder.world is None:
         return None
@@ -426,7 +426,7 @@ def _is_of_application(path: str, stage: StageModel) -> bool:
 
 
 def _sensor(prim: Prim, kind: str, joined: JoinedBodies, stage: StageModel) -> Sensor:
-    return Sensor(prim, kind, frame_name(prim.path, stage), joined.carrier(prim.path))
+    return Sensor(prim, kind, frame_of_prim(prim.path, stage), joined.carrier(prim.path))
 
 
 def _sensors_of(robot: Robot, stage: StageModel) -> Iterable[Sensor]:
@@ -444,7 +444,7 @@ def robot_of(path: str, stage: StageModel) -> Robot | None:
     return next((robot for robot in robots(stage) if carrier and carrier in robot.links), None)
 
 
-def pairs(wheels: Iterable[Wheel]) -> list[tuple[Wheel, Wheel]]:
+def wheel_pairs(wheels: Iterable[Wheel]) -> list[tuple[Wheel, Wheel]]:
     """Return the wheels in pairs of left and right, the foremost first; none where they are not."""
     left, right = (
         sorted((w for w in wheels if w.side == side), key=lambda w: -w.place[0])

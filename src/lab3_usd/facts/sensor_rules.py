@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.facts.sensor_values import SensorValues, entries, size
+from lab3_usd.facts.sensor_values import SensorValues, entry_count, listed_entries
 from lab3_usd.isaac.sensor_models import INSTANCE, LongList, SchemaRules, ValueRule
 from lab3_usd.model.finding import display
 from lab3_usd.model.physics import number
@@ -172,19 +172,21 @@ def _demands(place: _Place) -> Iterator[_Demand]:
     if rule.ordered:
         yield _Demand("no time before the one ahead of it", (), _is_ordered)
     if rule.some:
-        yield _Demand("true for one emitter at least", (), lambda value: any(entries(value)))
+        yield _Demand("true for one emitter at least", (), lambda value: any(listed_entries(value)))
     if rule.among:
         expected = " or ".join(display(one) for one in rule.among)
         yield _Demand(expected, (), partial(_is_among, rule.among))
     if rule.total:
         total = place.value(rule.total)
         expected = f"{place.shown(rule.total)} together"
-        yield _Demand(expected, place.named(rule.total), lambda value: sum(entries(value)) == total)
+        yield _Demand(
+            expected, place.named(rule.total), lambda value: sum(listed_entries(value)) == total
+        )
 
 
 def _each(holds: Callable[[Any, Any], bool], limit: Any, value: Any) -> bool:
     """Whether each entry keeps a limit, or its own of a list of limits."""
-    items = entries(value)
+    items = listed_entries(value)
     limits = limit if isinstance(limit, tuple) else (limit,) * len(items)
     return all(
         isinstance(item, (int, float)) and holds(item, most)
@@ -210,12 +212,12 @@ def _of_another_size(place: _Place, wrong: set[str]) -> Iterator[Breach]:
         return
     odd: dict[int, list[str]] = {}
     for name in map(place.whole, rule.of):
-        known, right = size(values.get(name)), int(wanted)
+        known, right = entry_count(values.get(name)), int(wanted)
         if rule.from_one:
             known, right = max(1, known), max(1, right)
         is_known = values.get(name) is not None and name not in wrong
         if known != right and is_known and not (rule.or_empty and not known):
-            odd.setdefault(size(values.get(name)), []).append(name)
+            odd.setdefault(entry_count(values.get(name)), []).append(name)
     for found, names in odd.items():
         unset = [name for name in names if name not in values.written]
         short = ", ".join(_short(name) for name in names[1:])

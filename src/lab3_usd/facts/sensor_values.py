@@ -68,14 +68,14 @@ def values_of(prim: Prim, stage: StageModel) -> SensorValues:
     return replace(known, attributes=open_ones)
 
 
-def entries(value: Any) -> tuple[Any, ...]:
+def listed_entries(value: Any) -> tuple[Any, ...]:
     """Return the entries of a list, of a long default its lowest and highest, or a single value."""
     if isinstance(value, LongList):
         return (value.low, value.high)
     return value if isinstance(value, tuple) else (value,)
 
 
-def size(value: Any) -> int:
+def entry_count(value: Any) -> int:
     """Return how many entries a list has, 0 where it is none."""
     if isinstance(value, LongList):
         return value.length

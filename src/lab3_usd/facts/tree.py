@@ -212,7 +212,7 @@ class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
         }
 
 
-def tree(edges: Iterable[_Edge]) -> Tree[_Edge]:
+def tree_of(edges: Iterable[_Edge]) -> Tree[_Edge]:
     """Return what tf2 makes of transforms that one listener hears."""
     return Tree(tuple(edges))
 

@@ -37,7 +37,7 @@ _NOISE = 1e-4  # of sizes that are measured after turns and scales
 _OF_CAR = 4  # wheels
 
 
-def joint_axis(joint: Prim, side: int) -> Vector | None:
+def axis_of_joint(joint: Prim, side: int) -> Vector | None:
     """Return about what a positive velocity turns the other body, in the axes of this side's."""
     along = ALONG.get(joint.attributes.get(AXIS, USUAL_AXIS))
     if along is None:
@@ -109,7 +109,7 @@ def _is_square(world: Matrix) -> bool:
 
 def pair_sizes(pair: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:
     """Return the sizes of a robot of two driven wheels in metres, as `QuantityOf` names them."""
-    return {"radius": _common_radius(pair, stage), "distance": wheel_distance(stage, *pair)}
+    return {"radius": _common_radius(pair, stage), "distance": distance_of_wheels(stage, *pair)}
 
 
 def car_sizes(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:
@@ -122,7 +122,7 @@ def car_sizes(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | No
     sizes = {
         "front radius": _common_radius(wheels[:2], stage),
         "back radius": _common_radius(wheels[2:], stage),
-        "track": wheel_distance(stage, *wheels[2:]),
+        "track": distance_of_wheels(stage, *wheels[2:]),
     }
     places = [place for joint in wheels if (place := _anchor_in_world(joint, stage)) is not None]
     if len(places) == _OF_CAR:
@@ -141,7 +141,7 @@ def _common_radius(pair: Sequence[Prim], stage: StageModel) -> float | None:
 
 
 @once_per_stage
-def wheel_distance(stage: StageModel, one: Prim, other: Prim) -> float | None:
+def distance_of_wheels(stage: StageModel, one: Prim, other: Prim) -> float | None:
     """Return how far two joints sit apart, in metres; None where nothing tells it."""
     first, second = _anchor_in_world(one, stage), _anchor_in_world(other, stage)
     if first is None or second is None:

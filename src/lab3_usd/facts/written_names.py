@@ -11,7 +11,7 @@ from lab3_usd.facts.endpoints import (
     Endpoint,
     endpoints,
     namespace_of,
-    resolve,
+    ros_name,
     used_topics,
 )
 from lab3_usd.facts.execution_order import is_switched_on, live_nodes, nodes_of, run_states
@@ -48,7 +48,7 @@ def written_topics(stage: StageModel) -> Iterator[WrittenTopic]:
         for port in (*used_topics(node, kind, live_nodes(stage)), *kind.services):
             value = effective_value(node, port, live_nodes(stage))
             if isinstance(value, str):
-                yield WrittenTopic(node, port, value, resolve("", value))
+                yield WrittenTopic(node, port, value, ros_name("", value))
 
 
 def written_frames(stage: StageModel) -> Iterator[tuple[Node, str, str]]:
@@ -74,7 +74,7 @@ def refused_namespaces(stage: StageModel) -> Iterator[tuple[Node, str]]:
         if node.type is None or not node.type.role:
             continue
         namespace = namespace_of(node, stage, live_nodes(stage))
-        if namespace and namespace not in refused and resolve(namespace, "topic") is None:
+        if namespace and namespace not in refused and ros_name(namespace, "topic") is None:
             refused.add(namespace)
             yield node, namespace
 

@@ -25,7 +25,7 @@ from lab3_usd.spec.contradictions.references import RULES
 from lab3_usd.spec.lab import CHECKPOINTS, RUBRIC, SUBMISSION, Lab
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.submission import has_teams
-from lab3_usd.yaml_file import read_foreign_yaml, read_yaml, record, records
+from lab3_usd.yaml_file import as_record, read_foreign_yaml, read_yaml, records
 
 # The columns of the table of grades that are no items; the last stands behind the items.
 TEAM_COLUMN = "team"  # after the name, where the names of files have a place for it
@@ -347,7 +347,7 @@ def _rubric_of(file: Path, path: Path | None, lab: Lab) -> Rubric:
         raise SpecError(f"{lab.title} has no {RUBRIC}; name a rubric with --rubric")
     data = read_yaml(file) if path is None else read_foreign_yaml(file)
     name = file.name
-    content = record(data, RubricFile, name)
+    content = as_record(data, RubricFile, name)
     required = everything_asked(lab)
     for kind in content.weights:
         one_of(kind, REQUIREMENT_KINDS, f"{name}: weights")

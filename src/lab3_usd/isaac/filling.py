@@ -6,7 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
 from lab3_usd.errors import GraphError
-from lab3_usd.isaac.graph import Graph, Node, Wire, make_graph, make_node, make_wire
+from lab3_usd.isaac.graph import Graph, Node, Wire, graph_node, make_graph, make_wire
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.recipes import Recipe, RecipeNode
 
@@ -53,7 +53,7 @@ def _nodes(
         given = {port: _value(value, own) for port, value in entry.set.items()}
         aims = {port: _value(value, own) for port, value in entry.targets.items()}
         try:
-            yield make_node(
+            yield graph_node(
                 f"{role}_{name}" if name else role,
                 kind,
                 {port: value for port, value in given.items() if value is not None},

@@ -142,7 +142,7 @@ def near_name(name: str, known: Iterable[str]) -> str:
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
-def make_node(
+def graph_node(
     role: str,
     kind: NodeType,
     values: Mapping[str, Any],

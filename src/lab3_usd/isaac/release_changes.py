@@ -111,10 +111,10 @@ class Meaning(Struct, frozen=True, forbid_unknown_fields=True):
 
     def between(self, before: str, after: str) -> str:
         """Say what changes between two releases, '' where nothing does."""
-        return self.up if crosses(self.since, before, after) else self._back(before, after)
+        return self.up if leads_past(self.since, before, after) else self._back(before, after)
 
     def _back(self, before: str, after: str) -> str:
-        return self.down if crosses(self.since, after, before) else ""
+        return self.down if leads_past(self.since, after, before) else ""
 
 
 class ReleaseChanges(Struct, frozen=True, forbid_unknown_fields=True):
@@ -158,6 +158,6 @@ class ReleaseChanges(Struct, frozen=True, forbid_unknown_fields=True):
                 yield meaning, text
 
 
-def crosses(since: str, before: str, after: str) -> bool:
+def leads_past(since: str, before: str, after: str) -> bool:
     """Whether the way from one release to another leads up to `since` or later."""
     return order(before) < order(since) <= order(after)

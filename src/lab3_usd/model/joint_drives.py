@@ -7,7 +7,7 @@ from typing import Any, Literal
 
 from msgspec import Struct
 
-from lab3_usd.model.physics import EXCLUDED, JOINT_ENABLED, LIMITS, REVOLUTE, limits, number
+from lab3_usd.model.physics import EXCLUDED, JOINT_ENABLED, LIMITS, REVOLUTE, joint_limits, number
 
 PRISMATIC = "PhysicsPrismaticJoint"
 DRIVEN_AXES = {
@@ -45,7 +45,7 @@ def hindrance(
         return Hindrance("is switched off", JOINT_ENABLED, "true", "false")
     if values.get(EXCLUDED) is True:
         return Hindrance("is excluded from the articulation", EXCLUDED, "false", "true")
-    low, high = limits(values)
+    low, high = joint_limits(values)
     if low == high:
         text = f"has limits that leave it no way: {low:g} to {high:g}"
         return Hindrance(text, LIMITS[1], f"above {low:g}", f"{high:g}")

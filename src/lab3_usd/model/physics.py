@@ -149,7 +149,7 @@ def _tying(stage: StageModel) -> Mapping[str, Mapping[int, Prim]]:
     return tying
 
 
-def limits(joint: Mapping[str, Any]) -> tuple[float, float]:
+def joint_limits(joint: Mapping[str, Any]) -> tuple[float, float]:
     """Return between which positions a joint with these values turns, infinite without a limit.
 
     A lower limit above the upper one locks the joint where it starts (PhysX).

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError, unwritten
 from lab3_usd.facts.endpoints import namespaces_above
-from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.frames import edges_on
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import order
@@ -45,8 +45,8 @@ from lab3_usd.new_lab.scene import (
     describe_scene,
     describe_sensors,
     holds_graphs_alone,
-    read_source,
-    targets_of,
+    named_prims,
+    read_described,
 )
 from lab3_usd.new_lab.starter import describe_starter
 from lab3_usd.new_lab.yaml_text import document
@@ -114,7 +114,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
     """
     types = in_release_of(paths, types)
     lab = replace(lab, platform=in_release_of(paths, lab.platform))
-    sources = [read_source(path, lab, types) for path in paths]
+    sources = [read_described(path, lab, types) for path in paths]
     parts = _parts(sources)
     if len(sources) > 1:
         steps = _steps(sources, parts)
@@ -288,7 +288,7 @@ def _published(stage: StageModel, lab: Lab) -> set[tuple[str, str]]:
 def _home(sensor: str, texts: Sequence[GraphText]) -> GraphSpec | None:
     """Return the graph with which a sensor comes: the first that names it, else the last."""
     graphs = [text.spec for text in texts]
-    return next((graph for graph in graphs if sensor in targets_of(graph)), [None, *graphs][-1])
+    return next((graph for graph in graphs if sensor in named_prims(graph)), [None, *graphs][-1])
 
 
 def _section(sensor: str, texts: Sequence[GraphText]) -> str:
@@ -332,8 +332,8 @@ def _frame_names(stage: StageModel, lab: Lab) -> Iterator[tuple[str, str]]:
         nodes = (node for node in graph.nodes.values() if node.type.tf is not None)
         named |= {prim for node in nodes for target in node.targets for prim in target.prims}
     for path in sorted(named):
-        if frame_name(path, stage) != path.rpartition("/")[2]:
-            yield path, frame_name(path, stage)
+        if frame_of_prim(path, stage) != path.rpartition("/")[2]:
+            yield path, frame_of_prim(path, stage)
 
 
 def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from typing import Any
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
-from lab3_usd.check.robot.axles import anchor, axles
+from lab3_usd.check.robot.axles import anchor_in_metres, axles
 from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, drive_prefix
@@ -228,13 +228,13 @@ def pose(local: Matrix | None, metres: float) -> dict[str, Any]:
     parts = decompose(local or IDENTITY)
     x, y, z = parts.translation
     return {
-        "translate": plain((x * metres, y * metres, z * metres)),
-        "rotate": plain(euler_angles(parts.rotation)),
-        "scale": plain(parts.scale),
+        "translate": without_noise((x * metres, y * metres, z * metres)),
+        "rotate": without_noise(euler_angles(parts.rotation)),
+        "scale": without_noise(parts.scale),
     }
 
 
-def plain(vector: Sequence[float]) -> list[float]:
+def without_noise(vector: Sequence[float]) -> list[float]:
     """Return numbers without float noise."""
     return [round(number, 6) + 0.0 for number in vector]
 
@@ -315,7 +315,7 @@ def describe_wheels(subject: RobotSubject) -> dict[str, Any]:
     The result is empty unless there are two, which turn about one axle.
     """
     wheels: list[WheelJoint] = tied_joints(subject)
-    places = [place for wheel in wheels if (place := anchor(wheel, subject))]
+    places = [place for wheel in wheels if (place := anchor_in_metres(wheel, subject))]
     turns = [*axles(subject).values()]
     if not len(wheels) == len(places) == len(turns) == _PAIR or distance(*turns) > 1e-3:  # noqa: PLR2004
         return {}
@@ -328,7 +328,7 @@ def describe_wheels(subject: RobotSubject) -> dict[str, Any]:
         "joints": dict(robot.wheels.joints),
         "joints_below": folder,
         "distance": round(distance(*places), 6),
-        "axle": plain(turns[0]),
+        "axle": without_noise(turns[0]),
         "left": wheels[sides.index(max(sides))].name,
-        **({"centre": plain(centre)} if any(plain(centre)) else {}),
+        **({"centre": without_noise(centre)} if any(without_noise(centre)) else {}),
     }

@@ -27,8 +27,8 @@ from lab3_usd.new_lab.robot import (
     describe_robots,
     describe_wheels,
     moved_joints,
-    plain,
     pose,
+    without_noise,
 )
 from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.graph import GraphSpec
@@ -72,7 +72,7 @@ class Source(Struct, frozen=True):
     authored: Mapping[str, Authored]
 
 
-def read_source(path: Path, lab: Lab, types: Platform) -> Source:
+def read_described(path: Path, lab: Lab, types: Platform) -> Source:
     """Read a stage; `lab` is the bundled one, `types` the platform of all public node types.
 
     Raises:
@@ -120,7 +120,7 @@ _OTHER = re.compile(r"(physics|physx|drive|node|kind|visibility|xformOp|purpose|
 _TAKEN_OVER = ("recognised", "required_api", "scan", "rate_api")
 
 
-def targets_of(graph: GraphSpec) -> Iterator[str]:
+def named_prims(graph: GraphSpec) -> Iterator[str]:
     """Yield the prims that the nodes of a graph name."""
     for node in graph.nodes.values():
         for target in node.targets:
@@ -166,7 +166,7 @@ def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, An
         data["scan"]["handout"] = section
     if same.get("view"):
         along, up = camera_axes(prim.local or IDENTITY)
-        data["view"] = {"along": plain(along), "up": plain(up)}
+        data["view"] = {"along": without_noise(along), "up": without_noise(up)}
         data["default_handout"] = section
     if prim.apis:
         data["apis"] = list(prim.apis)

@@ -9,7 +9,7 @@ from typing import get_args
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
 from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance
-from lab3_usd.model.physics import EXCLUDED, SCENE, limits, number
+from lab3_usd.model.physics import EXCLUDED, SCENE, joint_limits, number
 from lab3_usd.physics.machine import (
     DRIVE,
     FIXED,
@@ -34,7 +34,7 @@ def is_kinematic(prim: ScenePrim) -> bool:
     return BODY in prim.apis and prim.values.get("physics:kinematicEnabled") is True
 
 
-def collides(prim: ScenePrim) -> bool:
+def has_collision(prim: ScenePrim) -> bool:
     """Whether a prim is a collision shape."""
     return COLLIDER in prim.apis and prim.values.get("physics:collisionEnabled") is not False
 
@@ -79,7 +79,7 @@ class Bodies:
             return (number(prim.values.get(drive + name)) or 0.0) if driven else 0.0
 
         unit = math.radians(1.0) if prim.type == HINGE else 1.0
-        low, high = limits(prim.values)
+        low, high = joint_limits(prim.values)
         return Joint(
             prim.path.rpartition("/")[2],
             prim.type,
@@ -221,7 +221,7 @@ def of_another_scene(scene: Scene, known: Bodies) -> dict[str, str]:
     of_bodies = {owners.get(body, scenes[0] if scenes else "") for body in known.prims}
     found: dict[str, str] = {}
     for path, owner in owners.items():
-        if not collides(scene.prims[path]) or known.of(path):
+        if not has_collision(scene.prims[path]) or known.of(path):
             continue
         if owner not in scenes:
             found[path] = f"belongs to the scene {owner}, which is not there"

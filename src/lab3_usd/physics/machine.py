@@ -18,7 +18,7 @@ from lab3_usd.model.joint_drives import JointCommand
 from lab3_usd.model.traction import Pull
 from lab3_usd.model.transforms import Vector
 from lab3_usd.physics.overlaps import Overlap
-from lab3_usd.physics.surfaces import Surface, distance, height_at
+from lab3_usd.physics.surfaces import Surface, distance_to_segments, height_at
 
 HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"
 FIXED = "PhysicsFixedJoint"
@@ -417,9 +417,9 @@ class Machine(Struct):
         y = self.start.origin[1] + self.y + s * u + c * v
         self.clearance = math.inf
         for what, segments in (("a wall", self.walls), *self.barriers.items()):
-            gap = distance(segments, x + dx, y + dy) - self.radius
+            gap = distance_to_segments(segments, x + dx, y + dy) - self.radius
             self.clearance = min(self.clearance, gap)
-            if gap < 0 and gap + self.radius < distance(segments, x, y):
+            if gap < 0 and gap + self.radius < distance_to_segments(segments, x, y):
                 return what
         return ""
 

@@ -21,7 +21,7 @@ from lab3_usd.model.traction import (
     surface_of,
 )
 from lab3_usd.model.transforms import Vector, cross, length, minus
-from lab3_usd.physics.bodies import ROOT, Bodies, collides, of_another_scene
+from lab3_usd.physics.bodies import ROOT, Bodies, has_collision, of_another_scene
 from lab3_usd.physics.machine import (
     FIXED,
     HINGE,
@@ -39,7 +39,7 @@ from lab3_usd.physics.stance import (
     moment_of,
     stance_of,
 )
-from lab3_usd.physics.surfaces import cut, ground_of, height_at, is_mirrored, placed
+from lab3_usd.physics.surfaces import cut, ground_of, height_at, is_mirrored, placed_surface
 from lab3_usd.physics.surroundings import LEVEL, SKIRT, STEP_UP, note_obstacles, overlaps_of
 
 _NOISE = 1e-5  # metres by which a robot may be above or below the ground at the start
@@ -65,7 +65,9 @@ class Machines:
         self.solid = {
             prim.path: ground_of(prim, prim.world)
             for prim in scene.prims.values()
-            if collides(prim) and self.body_of(prim.path) == "" and prim.path not in self._elsewhere
+            if has_collision(prim)
+            and self.body_of(prim.path) == ""
+            and prim.path not in self._elsewhere
         }
         self.machines = self._bodies.machines()
         self.member = {body: machine for machine in self.machines for body in machine.rest}
@@ -229,7 +231,7 @@ class Machines:
                 return path, "has its faces turned down: a mesh or a plane has one side"
         for path, why in self._elsewhere.items():
             prim = self.scene.prims[path]
-            if height_at((placed(prim, prim.world),), x, y, below) is not None:
+            if height_at((placed_surface(prim, prim.world),), x, y, below) is not None:
                 return path, why
         return None
 
@@ -384,7 +386,7 @@ class Machines:
             for body in machine.rest
             if wheel.joint in machine.above(body)
             for prim in self.scene.below(body)
-            if collides(prim) and self.body_of(prim.path) == body
+            if has_collision(prim) and self.body_of(prim.path) == body
         ]
         floors = list(map(self._surface, below)) or [Surface()]
         return any(self._surface(shape).grips(floor) for shape in shapes for floor in floors)
@@ -425,9 +427,9 @@ class Machines:
         back = self.bodies[body].world.rigid().inverse()
         corners: list[Vector] = []
         for prim in self.scene.below(body):
-            if collides(prim) and self.body_of(prim.path) == body:
+            if has_collision(prim) and self.body_of(prim.path) == body:
                 at = base.then(machine.rest[body]).then(back).then(prim.world)
-                corners.extend(placed(prim, at).points())
+                corners.extend(placed_surface(prim, at).points())
         return corners
 
 

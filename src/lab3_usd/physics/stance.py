@@ -12,7 +12,7 @@ from lab3_usd.model.physics import FAR, MASS, number, vector
 from lab3_usd.model.solids import Solid, solid_of
 from lab3_usd.model.statics import Stand, standing
 from lab3_usd.model.transforms import Vector, cross, dot, length, minus
-from lab3_usd.physics.bodies import Bodies, collides
+from lab3_usd.physics.bodies import Bodies, has_collision
 from lab3_usd.physics.machine import FIXED, HINGE, SLIDER, Joint, Machine, Wheel
 
 SPHERICAL = "PhysicsSphericalJoint"
@@ -63,7 +63,7 @@ def shapes_of(scene: Scene, bodies: Bodies, machine: Machine) -> dict[str, list[
         place = base.then(machine.rest[body]).then(back)
         own = found[body] = []
         for prim in scene.below(body):
-            if collides(prim) and bodies.of(prim.path) == body:
+            if has_collision(prim) and bodies.of(prim.path) == body:
                 shape = solid_of(prim, place.then(prim.world))
                 own += [shape] if shape is not None else []
     return found

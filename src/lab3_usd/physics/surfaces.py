@@ -122,7 +122,7 @@ class Surface(Struct, frozen=True, dict=True):
         return _fan([(xs[number], ys[number], zs[number]) for number in face])
 
 
-def placed(prim: ScenePrim, at: Affine) -> Surface:
+def placed_surface(prim: ScenePrim, at: Affine) -> Surface:
     """Return the surface of a shape that stands at `at`, its scale included."""
     if prim.type == _MESH:
         return _mesh(prim.values, at)
@@ -138,7 +138,7 @@ def ground_of(prim: ScenePrim, at: Affine) -> Surface:
 
     It is that of the order of their points and of `orientation`, whatever `doubleSided` says.
     """
-    surface = placed(prim, at)
+    surface = placed_surface(prim, at)
     if prim.type == "Plane":
         front = at.turn(AXES[TURN.get(str(prim.values.get("axis")), TURN["Z"]).index(2)])
         # usd-core takes a mirrored place as one with all three axes mirrored.
@@ -335,7 +335,7 @@ def _height_at(surface: Surface, x: float, y: float, below: float) -> float | No
     return best
 
 
-def distance(segments: Sequence[Segment], x: float, y: float) -> float:
+def distance_to_segments(segments: Sequence[Segment], x: float, y: float) -> float:
     """Return how far the nearest segment is."""
     best = math.inf
     for ax, ay, bx, by in segments:
@@ -348,7 +348,7 @@ def distance(segments: Sequence[Segment], x: float, y: float) -> float:
     return math.sqrt(best)
 
 
-def joined(segments: Sequence[Segment]) -> list[Segment]:
+def joined_segments(segments: Sequence[Segment]) -> list[Segment]:
     """Make one of two segments that go on in a line, as the halves of a face do."""
     ends: dict[tuple[float, float], list[int]] = {}
     remaining: list[Segment | None] = list(segments)

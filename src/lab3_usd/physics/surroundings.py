@@ -9,11 +9,11 @@ from lab3_usd.model.dry_run import AXES, Affine
 from lab3_usd.model.physics import MASS, number
 from lab3_usd.model.solids import box_of, solid_of
 from lab3_usd.model.transforms import length, minus
-from lab3_usd.physics.bodies import collides
+from lab3_usd.physics.bodies import has_collision
 from lab3_usd.physics.machine import Floor, Machine
 from lab3_usd.physics.overlaps import Block, Overlap, block_of, overlaps
 from lab3_usd.physics.stance import DENSITY, Stance
-from lab3_usd.physics.surfaces import Surface, cut, placed
+from lab3_usd.physics.surfaces import Surface, cut, placed_surface
 from lab3_usd.physics.unmodelled import filtered
 
 if TYPE_CHECKING:
@@ -63,10 +63,10 @@ def note_obstacles(machines: Machines, machine: Machine, stance: Stance, ground:
 def _body_surfaces(machines: Machines, machine: Machine) -> list[Surface]:
     """Return the surfaces of the shapes of a machine as they stand at the start."""
     return [
-        placed(prim, prim.world)
+        placed_surface(prim, prim.world)
         for body in machine.rest
         for prim in machines.scene.below(body)
-        if collides(prim) and machines.body_of(prim.path) == body
+        if has_collision(prim) and machines.body_of(prim.path) == body
     ]
 
 
@@ -78,7 +78,7 @@ def _mass(machines: Machines, body: str) -> float:
     shapes = (
         solid_of(prim, prim.world)
         for prim in machines.scene.below(body)
-        if collides(prim) and machines.body_of(prim.path) == body
+        if has_collision(prim) and machines.body_of(prim.path) == body
     )
     volume = sum(shape.volume for shape in shapes if shape is not None)
     return volume * machines.scene.meters_per_unit**3 * DENSITY or 1.0
@@ -108,7 +108,7 @@ def overlaps_of(machines: Machines, machine: Machine) -> Iterator[Overlap]:
         away = length(minus(machine.start.origin, other.start.origin))
         if other is not machine and away < AROUND / scene.meters_per_unit:
             parts = (prim for body in other.rest for prim in scene.below(body))
-            blocks += [block_of(prim) for prim in parts if collides(prim)]
+            blocks += [block_of(prim) for prim in parts if has_collision(prim)]
     for overlap in overlaps(own, filter(None, blocks), scene.meters_per_unit):
         if not any(filtered(scene, [overlap.own], [overlap.other])):
             yield overlap

@@ -12,7 +12,7 @@ from lab3_usd.model.physics import SCENE, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.solids import box_of
 from lab3_usd.model.transforms import length, minus
-from lab3_usd.physics.bodies import collides
+from lab3_usd.physics.bodies import has_collision
 from lab3_usd.physics.machine import HINGE, JOINTS, Joint, Machine
 
 if TYPE_CHECKING:
@@ -92,7 +92,7 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
     own = [
         prim
         for prim in scene.prims.values()
-        if collides(prim) and machines.body_of(prim.path) in robot.rest
+        if has_collision(prim) and machines.body_of(prim.path) in robot.rest
     ]
     grounds = [above for floor in floors for above in scene.above(floor.path)]
     found = [

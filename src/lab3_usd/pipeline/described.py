@@ -13,7 +13,7 @@ from lab3_usd.pipeline.stage import JudgeSettings, check_stage, lint_stage
 from lab3_usd.spec.contradictions.names import LabFault, file_of
 from lab3_usd.spec.lab import SCENE, STARTER, Checkpoint, Lab
 from lab3_usd.spec.positions import has_place
-from lab3_usd.spec.scene import JointSpec, is_within
+from lab3_usd.spec.scene import JointSpec, stands_within
 from lab3_usd.stage.schema_names import Misnomer, misnomers
 
 _KEY = re.compile(r"(?<=[a-z])([A-Z])")  # where a name of USD goes on that a key writes with `_`
@@ -99,7 +99,7 @@ def _fault(finding: Finding, point: Checkpoint, lab: Lab) -> LabFault:
         key_of_joint = _KEY.sub(r"_\1", name).lower()
         name = key_of_joint if key_of_joint in JointSpec.__struct_fields__ else name
     for graph in lab.graphs.values():
-        if is_within(finding.prim, graph.path):
+        if stands_within(finding.prim, graph.path):
             file, key = file_of(graph), finding.prim.removeprefix(graph.path).lstrip("/") or "graph"
             name = (finding.property or "").rpartition(":")[2]
     other = f"{finding.rule}, in the stage that is built for checkpoint {lab.key_of(point.id)}"

@@ -10,7 +10,7 @@ from collections.abc import Iterable, Iterator, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.facts.tree import tree as build_tree
+from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.model.fault import FaultKind

@@ -40,7 +40,7 @@ from lab3_usd.sim.replay import replay
 from lab3_usd.sim.robots import TWIST, Robot, drive_for, expected_of, labels, robot_of_kind
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.scene import is_within
+from lab3_usd.spec.scene import stands_within
 
 EVERY = 6  # frames of the path, for each kept one
 
@@ -378,7 +378,7 @@ def watched_body(wanted: Expected, name: str, scene: Scene, lab: Lab) -> Expecte
     if robot is None:
         return wanted
     bodies = [path for path, prim in scene.prims.items() if BODY_API in prim.apis]
-    own = sorted(path for path in bodies if is_within(path, robot.path))
+    own = sorted(path for path in bodies if stands_within(path, robot.path))
     known = (path for path in (robot.base, *robot.link_paths, *own) if path in bodies)
     return replace(wanted, robot=next(known, robot.base))
 

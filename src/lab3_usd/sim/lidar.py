@@ -14,8 +14,8 @@ from lab3_usd.physics.surfaces import (
     Surface,
     Triangle,
     cut,
-    joined,
-    placed,
+    joined_segments,
+    placed_surface,
     sections,
     straddling,
 )
@@ -95,10 +95,10 @@ class Surroundings(Struct):
                 body = machines.body_of(prim.path)
                 if body:
                     back = machines.bodies[body].world.rigid().inverse()
-                    surface = placed(prim, back.then(prim.world))
+                    surface = placed_surface(prim, back.then(prim.world))
                     surroundings.moving.setdefault(body, []).append(surface)
                 else:
-                    surroundings.still.append(placed(prim, prim.world))
+                    surroundings.still.append(placed_surface(prim, prim.world))
         return surroundings
 
     def around(self, at: Affine) -> list[Segment]:
@@ -119,7 +119,7 @@ class Surroundings(Struct):
         """Return what a level plane cuts out of what stands still."""
         height = round(height, 6)
         if height not in self.cuts:
-            self.cuts[height] = joined(cut(self.still, height))
+            self.cuts[height] = joined_segments(cut(self.still, height))
         return self.cuts[height]
 
     def seen(self, sensor: str, machines: Machines) -> Callable[[], tuple[Segment, ...]]:
@@ -137,7 +137,7 @@ class Surroundings(Struct):
                 if (other := machines.spot(body)).machine is not spot.machine
                 for shape in _straddling(surfaces, back.then(other.place(postures[other.base])))
             ]
-            beside = joined(sections(shapes, 0.0)) if shapes else []
+            beside = joined_segments(sections(shapes, 0.0)) if shapes else []
             return (*self.around(at), *carried, *beside)
 
         return segments
@@ -151,7 +151,7 @@ class Surroundings(Struct):
             for body in machine.rest if machine is not None else ():
                 place = back.then(machines.place(body))
                 surface += _straddling(self.moving.get(body, ()), place)
-            self.own[sensor] = joined(sections(surface, 0.0))
+            self.own[sensor] = joined_segments(sections(surface, 0.0))
         return self.own[sensor]
 
 

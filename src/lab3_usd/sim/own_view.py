@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from msgspec.structs import replace
 
 from lab3_usd.facts.tree import SentTransform
-from lab3_usd.facts.tree import tree as build_tree
+from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.arms import TRANSFORMS
 from lab3_usd.sim.execution.node_instance import NodeInstance

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, RosSpec, TopicSpec
-from lab3_usd.spec.scene import RobotSpec, SceneSpec, SensorSpec, is_within
+from lab3_usd.spec.scene import RobotSpec, SceneSpec, SensorSpec, stands_within
 from lab3_usd.spec.submission import SubmissionSpec
 
 CATALOG = "node_types.yaml"
@@ -83,7 +83,7 @@ class Checkpoint(Struct, frozen=True):
 
     def is_removed(self, path: str) -> bool:
         """Whether a prim is to be gone."""
-        return any(is_within(path, gone) for gone in self.removed)
+        return any(stands_within(path, gone) for gone in self.removed)
 
 
 class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree": "with"}):

@@ -25,11 +25,11 @@ _NUMBERED = re.compile(r"(\w+) (\d+)")
 def located(error: SpecError, folder: Path) -> SpecError:
     """Return an error that begins with a file of a folder and its keys, with the place added."""
     text = str(error)
-    place = place_of(folder, text)
+    place = written_place(folder, text)
     return SpecError(f"{text}, at {place}" if place else text)
 
 
-def place_of(folder: Path, message: str) -> str:
+def written_place(folder: Path, message: str) -> str:
     """Return file, line and column of what a message names: 'scene.yaml: robot: links: ...'.
 
     It is '' where the message begins with no file of the folder.

@@ -19,7 +19,7 @@ ANYWHERE = "anywhere"  # recognised off the robot as well
 SCENE_GROUP = "Scene"  # of the requirements that are about no graph and no sensor
 
 
-def is_within(path: str, top: str) -> bool:
+def stands_within(path: str, top: str) -> bool:
     """Whether a prim is another one, or below it."""
     return path == top or path.startswith(f"{top}/")
 
@@ -374,7 +374,7 @@ class SceneSpec(Struct, frozen=True):
 
     def robot_of(self, path: str) -> RobotSpec | None:
         """Return the robot to which a path belongs, None where it belongs to none."""
-        return next((robot for robot in self.robots if is_within(path, robot.path)), None)
+        return next((robot for robot in self.robots if stands_within(path, robot.path)), None)
 
     def group_of(self, path: str) -> str:
         """Return the group of what is asked at a path: that of its robot, else the scene's."""

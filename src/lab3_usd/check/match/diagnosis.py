@@ -79,7 +79,7 @@ class _Work(Struct):
     taken: set[tuple[str, str, str]] = field(default_factory=set)
 
 
-def diagnose(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[WireFault, ...]:
+def faulty_wires(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tuple[WireFault, ...]:
     """Return every faulty wire of a graph; `live` holds the live nodes of the stage by path."""
     work = _Work(spec, roles, live)
     wires, open_wires, shared = list[Wire](), list[Wire](), list[Wire]()

@@ -8,7 +8,7 @@ from collections.abc import Mapping
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.match.roles import NO_SCRIPTS, Pairs, assign, complete_roles, match
+from lab3_usd.check.match.roles import NO_SCRIPTS, Pairs, best_roles, complete_roles, match
 from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.isaac.behaviour import Scripts
 from lab3_usd.model.stage import GraphModel, Node, StageModel
@@ -121,7 +121,7 @@ def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
     if not any(node.type is not None and node.type.type in spec.telling_types for node in free):
         return None
     usable = [node for node in host.graph.nodes if _is_free_for(spec, node, users)]
-    pairs = assign(spec, replace(host.graph, nodes=tuple(usable)))
+    pairs = best_roles(spec, replace(host.graph, nodes=tuple(usable)))
     players = [node for node in pairs.values() if node is not None]
     own = {node.path for node in players if node.path not in users}
     kept = [node for node in players if node.path in own or _touches(node, own, pairs)]

@@ -44,7 +44,7 @@ class _Search(Struct):
     steps: int = MOST_STEPS
 
 
-def assign(spec: GraphSpec, graph: GraphModel) -> Pairs:
+def best_roles(spec: GraphSpec, graph: GraphModel) -> Pairs:
     """Return the node of each role, None where the graph has too few of its type.
 
     Of all assignments that leave as few roles as possible without a node, the one with the
@@ -158,7 +158,7 @@ def match(spec: GraphSpec, graph: GraphModel | None, scripts: Scripts = NO_SCRIP
     """
     if graph is None:
         return Roles(None, dict.fromkeys(spec.nodes), {})
-    return complete_roles(spec, graph, assign(spec, graph), graph.nodes, scripts)
+    return complete_roles(spec, graph, best_roles(spec, graph), graph.nodes, scripts)
 
 
 def complete_roles(

@@ -14,7 +14,7 @@ from lab3_usd.check.robot.wheels import (
     tied_joints,
     wheel_side,
 )
-from lab3_usd.facts.wheels import ALONG, joint_axis, joint_turn
+from lab3_usd.facts.wheels import ALONG, axis_of_joint, joint_turn
 from lab3_usd.model.physics import (
     AXIS,
     COLLISION_API,
@@ -68,7 +68,7 @@ def _axle(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
     frame = None if side is None else _frame(ends_of(joint)[side], subject)
     if side is None or frame is None or joint.prim is None:
         return None
-    local = joint_axis(joint.prim, side)
+    local = axis_of_joint(joint.prim, side)
     return None if local is None else rotate_vector(local, decompose(frame).rotation)
 
 
@@ -102,7 +102,7 @@ def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] 
     return found
 
 
-def anchor(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
+def anchor_in_metres(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
     """Return where the joint sits, in the base's frame and in metres; None without a base."""
     side = base_side(joint)
     frame = None if side is None else _frame(ends_of(joint)[side], subject)

@@ -50,7 +50,9 @@ class SensorLocation(Struct, frozen=True):
 def sensors_of(subject: StageSubject, kind: str) -> tuple[str, ...]:
     """Name the sensors that the checkpoint asks for and the rules of a kind judge."""
     return tuple(
-        name for name in subject.checkpoint.sensors if kind_of(subject.lab.sensors[name]) == kind
+        name
+        for name in subject.checkpoint.sensors
+        if judging_kind(subject.lab.sensors[name]) == kind
     )
 
 
@@ -60,11 +62,11 @@ def later_sensors(subject: StageSubject, kind: str) -> tuple[str, ...]:
     return tuple(
         name
         for name, spec in subject.lab.sensors.items()
-        if kind_of(spec) == kind and name not in added
+        if judging_kind(spec) == kind and name not in added
     )
 
 
-def kind_of(spec: SensorSpec) -> str:
+def judging_kind(spec: SensorSpec) -> str:
     """Return which rules judge a sensor: those of its kind, or those of all others."""
     return spec.kind if spec.kind in (LIDAR, CAMERA) else OTHER
 

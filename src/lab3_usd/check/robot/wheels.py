@@ -231,11 +231,11 @@ def _names(graph: GraphModel, stage: StageModel) -> frozenset[tuple[str, str | N
 def is_same_graph(spec: GraphSpec, graph: GraphModel, live: Nodes) -> bool:
     """Whether a graph does exactly what the spec asks for, wherever it stands."""
     from lab3_usd.check.match.conformance import setting_matches, target_matches
-    from lab3_usd.check.match.diagnosis import diagnose
+    from lab3_usd.check.match.diagnosis import faulty_wires
     from lab3_usd.check.match.roles import match
 
     roles = match(spec, graph)
-    if roles.extra or diagnose(spec, roles, live):
+    if roles.extra or faulty_wires(spec, roles, live):
         return False
     for role, demand in spec.nodes.items():
         node = roles.node_of[role]

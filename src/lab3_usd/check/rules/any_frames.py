@@ -12,7 +12,7 @@ from lab3_usd.check.lab_topics import once_there
 from lab3_usd.check.match.rule_inputs import TransformsSubject
 from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.facts.frames import Edge
-from lab3_usd.facts.tree import Tree, tree
+from lab3_usd.facts.tree import Tree, tree_of
 from lab3_usd.facts.written_names import odometry_pairs
 from lab3_usd.model.changes import SetValue
 from lab3_usd.model.finding import Problem, Severity
@@ -187,7 +187,7 @@ def frame_cycle(subject: TransformsSubject) -> Iterator[Problem]:
         ]
         if inside:
             is_sure = subject.are_one(edge.domain for edge in inside)
-            is_sure = is_sure and bool(tree(edge for edge in inside if edge.sure).cycle)
+            is_sure = is_sure and bool(tree_of(edge for edge in inside if edge.sure).cycle)
             site = next(
                 (edge for edge in reversed(inside) if not subject.is_asked(edge)), inside[-1]
             )

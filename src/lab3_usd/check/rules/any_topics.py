@@ -14,7 +14,7 @@ from lab3_usd.check.lab_topics import (
     graph_of,
     once_there,
     plays_role,
-    publishers,
+    publishers_by_topic,
     role_specs,
     wanted_topic,
 )
@@ -107,7 +107,7 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
 def _judged_publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
     """Return who publishes each topic; before the first graph of a lab nothing is judged."""
     is_begun = not isinstance(subject, StageSubject) or subject.checkpoint.graphs
-    return publishers(subject) if is_begun else ()
+    return publishers_by_topic(subject) if is_begun else ()
 
 
 def _without(

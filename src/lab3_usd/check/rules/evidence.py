@@ -13,7 +13,7 @@ from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import shortened
 from lab3_usd.data import program
-from lab3_usd.facts.tree import SentTransform, Tree, tree
+from lab3_usd.facts.tree import SentTransform, Tree, tree_of
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.folder import (
@@ -236,7 +236,7 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     def judge(shown: Observation[tuple[Edge, ...]]) -> list[Problem]:
         if not shown.fact:
             return [Problem(shown.file, "the TF tree is empty")]
-        heard = tree(SentTransform(*edge) for edge in shown.fact)
+        heard = tree_of(SentTransform(*edge) for edge in shown.fact)
         found = list(_missing(required, heard, subject.frames.deeper, shown.file))
         return [_before_localization(subject, problem) for problem in found]
 
@@ -276,7 +276,7 @@ def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Example: one run of `view_frames` shows `{base} -> {link}`, the next `world -> {link}`.
     """
-    heard = tree(
+    heard = tree_of(
         SentTransform(*edge, shown.file)
         for shown in subject.evidence.view_frames.get("", ())
         for edge in shown.fact

@@ -6,7 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.files import same, shortened
+from lab3_usd.check.rules.files import is_equal, shortened
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import (
     EvidenceSubject,
@@ -167,7 +167,7 @@ def _differing(
     """Compare the fields that a message shows; one that was cut away shows nothing."""
     for path, wanted in expected.items():
         actual = shown.fact.get(path, wanted)
-        if not same(actual, wanted):  # a map's resolution is a float32 in the message
+        if not is_equal(actual, wanted):  # a map's resolution is a float32 in the message
             actual_text = shortened(actual)
             message = f"{path} of {topic.name} is {actual_text}, expected {wanted}"
             yield Problem(shown.file, message, topic.name, str(wanted), actual_text, topic.handout)

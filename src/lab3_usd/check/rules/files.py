@@ -230,7 +230,7 @@ def file_passed_over(path: str, reason: str) -> Iterator[Problem]:
 _DEEPEST = 3
 
 
-def same(actual: object, expected: object) -> bool:
+def is_equal(actual: object, expected: object) -> bool:
     """Whether a value that was read is the one that is asked for."""
     if isinstance(actual, (int, float)) and isinstance(expected, (int, float)):
         return math.isclose(actual, expected, rel_tol=1e-6, abs_tol=1e-9)

@@ -22,11 +22,11 @@ from lab3_usd.facts.frame_targets import (
     NAME_OVERRIDE,
     ROBOT_API,
     expands,
-    frame_name,
+    frame_of_prim,
     tf_ports,
 )
 from lab3_usd.facts.frames import Edge, certain_edges, unknown_publishers
-from lab3_usd.facts.tree import tree
+from lab3_usd.facts.tree import tree_of
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Finding, Place, Problem, Severity, display
 from lab3_usd.model.physics import rigid_bodies
@@ -70,7 +70,7 @@ def _exchanged_frames(maker: FrameSource, view: TfView) -> list[str]:
         frame
         for _, frame in view.subject.lab.frames.edges
         if (home := maker.prims.get(frame)) is not None
-        and frame_name(home, view.stage) != frame
+        and frame_of_prim(home, view.stage) != frame
         and names.get(home, frame) != frame
         and places.get(frame, home) != home
     ]
@@ -79,9 +79,9 @@ def _exchanged_frames(maker: FrameSource, view: TfView) -> list[str]:
 def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterator[Problem]:
     stage = view.subject.stage
     targets = maker.node.targets(maker.port)
-    renamed = {frame for frame in missing if frame_name(maker.prims[frame], stage) != frame}
+    renamed = {frame for frame in missing if frame_of_prim(maker.prims[frame], stage) != frame}
     for frame in sorted(renamed):
-        prim, actual = maker.prims[frame], frame_name(maker.prims[frame], stage)
+        prim, actual = maker.prims[frame], frame_of_prim(maker.prims[frame], stage)
         is_own = prim.endswith(f"/{actual}")
         yield Problem(
             prim,
@@ -176,7 +176,7 @@ def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
 
 def _hangs_below(edge: Edge, top: str, view: TfView) -> bool:
     """Whether the node that gives this frame leads from it up to `top`, as with a robot's links."""
-    own = tree(other for other in view.edges if other.cause == edge.cause)
+    own = tree_of(other for other in view.edges if other.cause == edge.cause)
     return top in own.above(edge.child)
 
 
@@ -191,7 +191,7 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
     fix = removal_or_repair(view.subject, cause, port, severity)
     prim = next(iter(node.targets(port)), None)
     assumed: tuple[Place, ...] = ()
-    if cause in view.role_specs and prim and frame_name(prim, view.subject.stage) != expected:
+    if cause in view.role_specs and prim and frame_of_prim(prim, view.subject.stage) != expected:
         site = (prim, NAME_OVERRIDE)
         fix = (_naming(prim, expected),)
         assumed = tuple((path, None) for path in _links_named(expected, view))

@@ -31,7 +31,7 @@ from lab3_usd.check.rules.sensors import (
     sensor_values,
     wrong_type_sensors,
 )
-from lab3_usd.facts.sensor_values import SensorValues, entries, values_of
+from lab3_usd.facts.sensor_values import SensorValues, listed_entries, values_of
 from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
 from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.physics import numbers
@@ -352,7 +352,7 @@ def _not_level(
 ) -> Iterator[Problem]:
     """Yield elevations that are not level: as written, or else those of the schema."""
     prim, profile = lidar.prim, lidar.spec.attributes
-    degrees = numbers(entries(values_of(prim, subject.stage).get(name)))
+    degrees = numbers(listed_entries(values_of(prim, subject.stage).get(name)))
     steepest = max(degrees, key=abs, default=0.0)
     if abs(steepest) <= scan.level:
         return

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import clock_publisher, context_wire
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.clocks import CLOCK, Stamp, stamps
+from lab3_usd.facts.clocks import CLOCK, Stamp, topic_clocks
 from lab3_usd.facts.domains import (
     LAST_DOMAIN,
     Domain,
@@ -215,7 +215,7 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:useSystemTime = 1` on a lidar helper, beside a `/clock` of simulation time.
     """
-    every = list(stamps(subject.stage))
+    every = list(topic_clocks(subject.stage))
     simulated = {stamp.domain.name: stamp for stamp in every[::-1] if stamp.clock == "simulation"}
     for stamp in every:
         other = simulated.get(stamp.domain.name)
@@ -248,7 +248,7 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `/clock` has `resetOnStop = 0` while the lidar helper keeps its default, which is on.
     """
-    simulated = [stamp for stamp in stamps(subject.stage) if stamp.clock == "simulation"]
+    simulated = [stamp for stamp in topic_clocks(subject.stage) if stamp.clock == "simulation"]
     leading: dict[str, Stamp] = {}  # by domain: the clock, else the first message
     for stamp in sorted(simulated, key=lambda stamp: not stamp.is_clock):
         leading.setdefault(stamp.domain.name, stamp)
@@ -281,7 +281,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     Example: a graph with odometry and transforms only.
     """
     stamped: dict[Domain, list[Stamp]] = {}
-    for stamp in stamps(subject.stage):
+    for stamp in topic_clocks(subject.stage):
         if stamp.clock == "simulation":
             stamped.setdefault(stamp.domain, []).append(stamp)
     clocks = [

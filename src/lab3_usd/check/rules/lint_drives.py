@@ -9,10 +9,10 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import (
     Command,
-    commanded_joints,
     commands,
     controller_of,
-    drive_of,
+    drive_attributes,
+    joints_commanded,
     reached_joints,
     wired_commands,
 )
@@ -116,7 +116,7 @@ def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject)
         return
     stage = subject.stage
     if _has_known_joints(kind, command):
-        joints = commanded_joints(command, _PORTS[kind], stage)
+        joints = joints_commanded(command, _PORTS[kind], stage)
     else:
         joints = reached_joints(command, stage)
         if kind == "velocity" and moving_command(given, _gains(joints)) != "position":
@@ -137,7 +137,7 @@ def _gains(joints: Sequence[Prim]) -> list[tuple[float, float]]:
 
 
 def _gain(joint: Prim, name: str) -> float:
-    return number(joint.attributes.get(f"{drive_of(joint) or ''}{name}")) or 0.0
+    return number(joint.attributes.get(f"{drive_attributes(joint) or ''}{name}")) or 0.0
 
 
 def _unread(

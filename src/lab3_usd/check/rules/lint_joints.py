@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.arrays import array_items, listed
+from lab3_usd.facts.arrays import array_items, list_at
 from lab3_usd.facts.articulations import (
     Command,
     commands,
@@ -111,7 +111,7 @@ def _unknown_tie(joint: Prim, stage: StageModel) -> UnresolvedAsset | None:
 def _joint_numbers(command: Command, subject: LintSubject) -> Iterator[Problem]:
     """Yield that a controller picks a joint by a number that its robot does not have."""
     stage, port = subject.stage, command.ports.indices
-    numbers = listed(command.node, port, subject.live) if not command.names else None
+    numbers = list_at(command.node, port, subject.live) if not command.names else None
     count = number_of_axes(command, stage) if numbers else None
     beyond = [each for each in numbers or () if isinstance(each, int) and count is not None]
     beyond = [each for each in beyond if not 0 <= each < (count or 0)]
@@ -178,7 +178,7 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
         joints = axes or 0 if is_for_all else len(command.names or ())
         listing = command.ports.joints
         if command.names is None:  # given by number
-            numbers = listed(command.node, command.ports.indices, subject.live)
+            numbers = list_at(command.node, command.ports.indices, subject.live)
             joints, listing = len(numbers or ()), command.ports.indices
         for port in command.ports.commands if joints else ():
             given = number_of_commands(command, port, subject.stage)

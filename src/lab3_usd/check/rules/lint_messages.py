@@ -8,7 +8,7 @@ from itertools import combinations
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.domains import are_surely_one, domain_of
-from lab3_usd.facts.endpoints import namespace_of, resolve
+from lab3_usd.facts.endpoints import namespace_of, ros_name
 from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.wires import connections
@@ -106,4 +106,4 @@ def _service(node: Node, subject: LintSubject) -> str:
     if not isinstance(written, str):
         return ""
     space = namespace_of(node, subject.stage, subject.live)
-    return resolve(space, written) or ""
+    return ros_name(space, written) or ""

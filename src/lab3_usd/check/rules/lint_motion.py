@@ -9,15 +9,15 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.articulations import (
     Command,
-    commanded_joints,
     commands,
     driven_pairs,
+    joints_commanded,
 )
 from lab3_usd.facts.feeding import MisnamedPose, misnamed_poses
 from lab3_usd.facts.followed_bodies import followed_bodies
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.quantities import quantity_of
-from lab3_usd.facts.wheels import disc_of, joint_axis
+from lab3_usd.facts.wheels import axis_of_joint, disc_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     AXIS,
@@ -32,7 +32,7 @@ from lab3_usd.model.physics import (
     ends,
     is_body,
     is_switched_off,
-    limits,
+    joint_limits,
     working_joints_at,
 )
 from lab3_usd.model.prims import Prim
@@ -53,7 +53,7 @@ def _wheel_commands(subject: LintSubject) -> tuple[tuple[Command, tuple[Prim, ..
         _, velocity, _ = command.ports.commands
         given = quantity_of(command.node, velocity, subject.stage) if command.roots else None
         if given is not None and given.name == _WHEEL_SPEEDS and subject.runs(command.node.path):
-            wheels = commanded_joints(command, velocity, subject.stage)
+            wheels = joints_commanded(command, velocity, subject.stage)
             found.append((command, tuple(wheels)))
     return tuple(found)
 
@@ -213,7 +213,7 @@ def _obstacles(
         yield joint.path, JOINT_ENABLED, "is switched off"
     if joint.attributes.get(_FASTEST) == 0:
         yield joint.path, _FASTEST, f"has {_FASTEST} 0"
-    low, high = limits(joint.attributes)
+    low, high = joint_limits(joint.attributes)
     if low > -FAR or high < FAR:
         name = LIMITS[0] if low > -FAR else LIMITS[1]
         yield joint.path, name, f"turns between {low:g} and {high:g} degrees only"
@@ -341,7 +341,7 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
         bases = _bases(subject.stage, pair)
         sides = [next((i for i, path in enumerate(bodies(j)) if path in bases), None) for j in pair]
         axes = [
-            None if side is None else joint_axis(joint, side)
+            None if side is None else axis_of_joint(joint, side)
             for joint, side in zip(pair, sides, strict=True)
         ]
         if len(bases) != 1 or not axes[0] or not axes[1] or pair[1].path in judged:
@@ -368,7 +368,7 @@ def _is_across(joint: Prim, wheels: tuple[Prim, ...], stage: StageModel) -> bool
     disc = None if wheel is None else disc_of(wheel, stage)
     if wheel is None or wheel.world is None or disc is None:
         return False
-    turned = joint_axis(joint, bodies(joint).index(wheel.path))
+    turned = axis_of_joint(joint, bodies(joint).index(wheel.path))
     if turned is None or disc.width > _FLAT * disc.radius:
         return False
     seen = rotate_vector(turned, decompose(wheel.world).rotation)

@@ -10,14 +10,14 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE
-from lab3_usd.facts.feeding import working_nodes
+from lab3_usd.facts.feeding import used_nodes
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.read_sensors import read_lidars, read_sensors
 from lab3_usd.facts.saved_releases import ended_renaming
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.release_changes import ANY, GonePort, Meaning, crosses
+from lab3_usd.isaac.release_changes import ANY, GonePort, Meaning, leads_past
 from lab3_usd.isaac.releases import order
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ClearValue, Edit, RenameProperty, SetValue
@@ -197,7 +197,7 @@ def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]
     places: dict[tuple[str, str, str], list[Node]] = {}
     for node in subject.live.values():
         then = before.types.get(node.type_name)
-        if node.type is None or then is None or node.path not in working_nodes(subject.stage):
+        if node.type is None or then is None or node.path not in used_nodes(subject.stage):
             continue
         for port in node.type.ports:
             is_open = port.startswith(INPUT) and port in then.ports and _is_open(node.state(port))
@@ -275,10 +275,10 @@ def _other_sensors(subject: LintSubject, before: Platform) -> Iterator[Problem]:
     """Yield what of the sensors that are read counts in one of the two releases alone."""
     since = subject.platform.changes.sensors.since
     now, then = subject.platform.release, before.release
-    if crosses(since, then, now):
+    if leads_past(since, then, now):
         for prim in read_lidars(subject.stage):
             yield from _whole_turns(prim, then, subject)
-    elif crosses(since, now, then):
+    elif leads_past(since, now, then):
         skips = subject.platform.changes.skips
         for node, left_out, _ in _skipping(subject):
             yield Problem(
@@ -342,7 +342,7 @@ def _other_meaning(subject: LintSubject, meaning: Meaning, text: str) -> Iterato
                 )
     graphs: dict[str, list[Node]] = {}
     for node in subject.live.values():
-        is_asked = node.type_name in meaning.types and node.path in working_nodes(subject.stage)
+        is_asked = node.type_name in meaning.types and node.path in used_nodes(subject.stage)
         if is_asked and _means(node, meaning, subject):
             graphs.setdefault(node.path.rpartition("/")[0], []).append(node)
     if sum(map(len, graphs.values())) < meaning.least:

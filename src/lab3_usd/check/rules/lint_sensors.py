@@ -16,7 +16,7 @@ from lab3_usd.facts.sensor_faults import SensorFault, faults_of
 from lab3_usd.facts.sensor_values import SensorValues, values_of
 from lab3_usd.facts.stuck_nodes import lost_products, refused_target
 from lab3_usd.isaac.node_types import INPUT, KIND
-from lab3_usd.isaac.release_changes import crosses
+from lab3_usd.isaac.release_changes import leads_past
 from lab3_usd.isaac.releases import order
 from lab3_usd.isaac.topics import PRODUCT
 from lab3_usd.model.changes import ApplySchema, Edit, RenameProperty, Retarget, SetValue
@@ -189,7 +189,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     if order(release) < order(since):
         return
     before = subject.moved_from
-    is_moved = before is not None and crosses(since, before.release, release)
+    is_moved = before is not None and leads_past(since, before.release, release)
     for prim in read_lidars(subject.stage):
         values = values_of(prim, subject.stage)
         tick, turns = values.number(names.rate), values.number(names.turns)

@@ -8,7 +8,7 @@ from pathlib import PurePosixPath, PureWindowsPath
 from posixpath import normpath
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.files import same, shortened
+from lab3_usd.check.rules.files import is_equal, shortened
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.folder import MapSubject
 
@@ -18,7 +18,7 @@ _FALSE = {"n", "no", "false", "off"}
 _WHOLE = re.compile(r"[-+]?[0-9]{1,9}")
 
 
-def number(value: object) -> float | None:
+def number_in_yaml(value: object) -> float | None:
     """Read a length or a threshold; YAML 1.1 takes `5e-2`, without a point, for text."""
     if isinstance(value, bool) or not isinstance(value, (int, float, str)):
         return None
@@ -46,10 +46,10 @@ def _mode(value: object) -> str | None:
 # Each gives None where map_server does not load the map.
 READ: Mapping[str, Callable[[object], object]] = {
     "mode": _mode,
-    "resolution": number,
+    "resolution": number_in_yaml,
     "negate": _switch,
-    "occupied_thresh": number,
-    "free_thresh": number,
+    "occupied_thresh": number_in_yaml,
+    "free_thresh": number_in_yaml,
 }
 
 
@@ -175,7 +175,7 @@ def map_value(subject: MapSubject) -> Iterator[Problem]:
         expected = getattr(subject.facts, name)
         actual = subject.values.get(name, _DEFAULTS.get(name))
         value = read(actual)
-        if same(value, expected):
+        if is_equal(value, expected):
             continue
         given = name in subject.values or actual is not None
         fault = f"is {shortened(actual)}" if given else "is missing"
@@ -200,8 +200,8 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
         return
     expected = subject.facts.origin
     actual = subject.values.get("origin")
-    values = [number(number_text) for number_text in actual] if isinstance(actual, list) else []
-    if len(values) == len(expected) and all(map(same, values, expected)):
+    values = [number_in_yaml(number) for number in actual] if isinstance(actual, list) else []
+    if len(values) == len(expected) and all(map(is_equal, values, expected)):
         return
     actual_text = shortened(actual)
     message = f"'origin' is {actual_text}, expected {_numbers(expected)}"

@@ -27,7 +27,7 @@ from lab3_usd.check.robot.sensors import (
     SensorLocation,
     candidate_transforms,
     find_sensor,
-    kind_of,
+    judging_kind,
     later_sensors,
     lidars,
     sensor_candidates,
@@ -75,7 +75,7 @@ def sensor_demands(kind: str, of_sensor: Callable[[SensorSpec, str], Iterator[De
 
     def demands(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         for sensor in checkpoint.sensors:
-            if kind_of(lab.sensors[sensor]) == kind:
+            if judging_kind(lab.sensors[sensor]) == kind:
                 yield from of_sensor(lab.sensors[sensor], sensor_group(lab, sensor))
 
     return demands

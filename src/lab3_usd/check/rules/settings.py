@@ -20,7 +20,7 @@ from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.repairs import edits_at
 from lab3_usd.facts.endpoints import moving_prims
 from lab3_usd.facts.execution_order import live_nodes
-from lab3_usd.facts.frame_targets import frame_name
+from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.render_products import sensor_of
 from lab3_usd.isaac.node_types import INPUT, Port
@@ -117,7 +117,7 @@ def _names_what_is_there(subject: GraphSubject, found: Found) -> bool:
     names = {prim.name for prim in stage.prims.values() if prim.type == REVOLUTE and prim.present}
     sensor = sensor_of(found.node, subject.live_nodes)
     if sensor is not None and found.value not in names:
-        names = {frame_name(path, stage) for path in (sensor, sensor.rpartition("/")[0]) if path}
+        names = {frame_of_prim(path, stage) for path in (sensor, sensor.rpartition("/")[0]) if path}
     return found.value in names and wanted not in names
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
-from lab3_usd.check.robot.axles import anchor, axles, own_axle
+from lab3_usd.check.robot.axles import anchor_in_metres, axles, own_axle
 from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.robot.wheels import (
     WheelJoint,
@@ -34,8 +34,8 @@ from lab3_usd.model.physics import (
     bodies,
     is_excluded,
     is_switched_off,
+    joint_limits,
     joints,
-    limits,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason
@@ -130,7 +130,7 @@ def _wrong_value(joint: Prim) -> tuple[str, str, str, str] | None:
         return "is switched off", JOINT_ENABLED, "True", "False"
     if is_excluded(joint):
         return "is excluded from the articulation", EXCLUDED, "False", "True"
-    low, high = limits(joint.attributes)
+    low, high = joint_limits(joint.attributes)
     if low <= -FAR and high >= FAR:
         return None
     name, value = (LIMITS[0], low) if low > -FAR else (LIMITS[1], high)
@@ -287,7 +287,7 @@ def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
         joint: place
         for joint in tied_joints(subject)
         if is_stated(joint, subject, f"physics:localPos{base_side(joint)}")
-        and (place := anchor(joint, subject))
+        and (place := anchor_in_metres(joint, subject))
     }
     if len(places) != len(wheels.joints) or len(places) != _PAIR:
         return

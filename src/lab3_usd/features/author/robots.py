@@ -68,11 +68,11 @@ def command(stage: Path, form: str, release: str | None, assets: tuple[str, ...]
 
 
 def _lines(robot: Robot, model: StageModel) -> Iterator[str]:
-    from lab3_usd.facts.frame_targets import frame_name
+    from lab3_usd.facts.frame_targets import frame_of_prim
 
     yield robot.path
     yield _line("root", robot.root or "none: apply Articulation Root to the base")
-    yield _line("base", robot.base, f"frame {frame_name(robot.base, model)}")
+    yield _line("base", robot.base, f"frame {frame_of_prim(robot.base, model)}")
     tied = "fixed to the world" if robot.is_fixed else ""
     yield _line("links", str(len(robot.links)), tied)
     if robot.namespace:
@@ -149,7 +149,7 @@ def _graphs(robot: Robot, model: StageModel) -> dict[str, str]:
 
 
 def _document(robot: Robot, model: StageModel) -> dict[str, Any]:
-    from lab3_usd.facts.frame_targets import frame_name
+    from lab3_usd.facts.frame_targets import frame_of_prim
 
     return {
         "path": robot.path,
@@ -157,7 +157,7 @@ def _document(robot: Robot, model: StageModel) -> dict[str, Any]:
         "base": robot.base,
         "fixed": robot.is_fixed,
         "namespace": robot.namespace,
-        "frames": {link: frame_name(link, model) for link in robot.links},
+        "frames": {link: frame_of_prim(link, model) for link in robot.links},
         "wheels": [
             {
                 "joint": wheel.joint.name,

@@ -378,17 +378,17 @@ def _graded_or_continued(settings: ClassSettings) -> Rows:
 
 def _command_to_continue(submissions: Path | str) -> str:
     """Return this command with --resume; what is secret in an address is left out."""
-    from lab3_usd.grade.intake.addresses import shown_place
+    from lab3_usd.grade.intake.addresses import public_place
     from lab3_usd.grade.workers.scheduler import shown_scheduler
     from lab3_usd.installation import command_line
 
     context = click.get_current_context()
     names = {str(option.name) for option in context.command.params} - {"resume", "force"}
-    called = (program(), *lab_words(context), "grade", shown_place(submissions))
+    called = (program(), *lab_words(context), "grade", public_place(submissions))
     own, cluster = list(given_words(context, names)), context.params["cluster"]
     public = [shown_scheduler(word) if word == cluster else word for word in own]
     words = command_line(*called, *public, "--resume")
-    is_whole = shown_place(submissions) == str(submissions) and public == own
+    is_whole = public_place(submissions) == str(submissions) and public == own
     return words if is_whole else f"{words} (with what stood in place of ***, a secret)"
 
 

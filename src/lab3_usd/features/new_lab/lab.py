@@ -29,7 +29,7 @@ from lab3_usd.spec.contradictions.scene import KnownScene
 from lab3_usd.spec.lab import STARTER, Lab
 from lab3_usd.spec.load.loader import assemble, load_lab
 from lab3_usd.spec.load.starter import load_starter_spec
-from lab3_usd.spec.positions import place_of
+from lab3_usd.spec.positions import written_place
 from lab3_usd.stage.read.reader import read_stage
 
 
@@ -62,7 +62,7 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
     passes = not faults
     undecided = [fault for fault in faults if fault.severity == "error"]
     for fault in undecided:
-        place = place_of(folder, fault.place)
+        place = written_place(folder, fault.place)
         echo(f"to be decided by you: {place}: {fault.key}")
     if undecided:
         then = f"then run {program()} lab check {folder}"
@@ -103,7 +103,7 @@ def _say_faults(lab: Lab, stages: Sequence[Path], *, build: bool = False) -> lis
 
             faults += described_faults(lab)
     for fault in faults:
-        place = place_of(lab.folder, fault.place)
+        place = written_place(lab.folder, fault.place)
         echo(f"{fault.severity} {fault}" + (f", at {place}" if place else ""))
     numbers = Counter(fault.severity for fault in faults)
     counts = (

@@ -39,7 +39,7 @@ def without_secrets(text: str) -> str:
     return _QUERY.sub("?***", _USER.sub("//***@", text))
 
 
-def shown_place(place: Path | str) -> str:
+def public_place(place: Path | str) -> str:
     """Return what a place is called in messages: a path as it is, an address without secrets."""
     return without_secrets(place) if isinstance(place, str) else str(place)
 
@@ -63,7 +63,7 @@ def storage_at(address: str) -> StorageLocation:
     Raises:
         UsageError: fsspec or a package that it needs is not installed, or it knows no such address.
     """
-    called = shown_place(address)
+    called = public_place(address)
     try:
         core = importlib.import_module("fsspec.core")
     except ImportError as error:

@@ -17,7 +17,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import NoRoomError, UsageError, is_no_room
-from lab3_usd.grade.intake.addresses import address_below, name_at, shown_place
+from lab3_usd.grade.intake.addresses import address_below, name_at, public_place
 from lab3_usd.grade.intake.archives import ArchiveError, is_archive, unpack
 from lab3_usd.grade.intake.download_names import ARCHIVE_END, is_receipt
 from lab3_usd.grade.intake.people import Person
@@ -108,7 +108,7 @@ def submissions_in(place: Path | str) -> Iterator[ClassLocation]:
         return
     with scratch_folder("lab3-class-") as scratch:
         path = place if isinstance(place, Path) else archive_at(place, scratch, _CLASS)
-        given = shown_place(place)
+        given = public_place(place)
         yield ClassLocation(place, given) if path is None else _unpacked(path, given, scratch)
 
 
@@ -227,7 +227,7 @@ def find_submissions(
         UsageError: there is no such folder, it cannot be read, or nothing in it is a submission.
     """
     location = (
-        place if isinstance(place, ClassLocation) else ClassLocation(place, shown_place(place))
+        place if isinstance(place, ClassLocation) else ClassLocation(place, public_place(place))
     )
     parts = (
         _at_address(location, location.where, notify)

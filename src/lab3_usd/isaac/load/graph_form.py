@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.isaac.graph_form import Evaluation, GraphAttribute, GraphForm
 from lab3_usd.isaac.values import typed_value
-from lab3_usd.yaml_file import record
+from lab3_usd.yaml_file import as_record
 
 
 class _AttributeEntry(Struct, forbid_unknown_fields=True):
@@ -81,4 +81,4 @@ def attribute_over(
         "unwritten": attribute.unwritten,
         "handout": attribute.handout,
     }
-    return _attribute(attribute.name, record({**known, **said}, _AttributeEntry, where), where)
+    return _attribute(attribute.name, as_record({**known, **said}, _AttributeEntry, where), where)

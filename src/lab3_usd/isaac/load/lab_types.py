@@ -28,7 +28,7 @@ from lab3_usd.isaac.load.platform import (
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.yaml_file import record
+from lab3_usd.yaml_file import as_record
 
 
 class LabAttribute(Struct, forbid_unknown_fields=True):
@@ -87,7 +87,7 @@ def with_lab_types(platform: Platform, data: Mapping[str, Any], file: str) -> Pl
     Raises:
         SpecError: names the file, the type and the port that are wrong.
     """
-    content = record(data, LabTypesFile, file)
+    content = as_record(data, LabTypesFile, file)
     usd_types = {**platform.usd_types, **content.usd_types}
     types = {**platform.base}
     for name, entry in data.get("types", {}).items():
@@ -136,7 +136,7 @@ def _graph_over(form: GraphForm, data: Mapping[str, Any], file: str) -> GraphFor
     """Return the form of graphs with what a lab says of its attributes."""
     where = f"{file}: graph"
     if not data or "type" in data:
-        return graph_form(record(data, GraphEntry, where), where) if data else form
+        return graph_form(as_record(data, GraphEntry, where), where) if data else form
     said = data.get("attributes", {})
     for name in said:
         if form.value(name) is None:

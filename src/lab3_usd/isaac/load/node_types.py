@@ -23,7 +23,7 @@ from lab3_usd.isaac.node_types import (
     TfPorts,
 )
 from lab3_usd.isaac.values import Value, is_known_type, typed_value
-from lab3_usd.yaml_file import record
+from lab3_usd.yaml_file import as_record
 
 _RELATIONSHIP = "rel"
 Fact = TypeVar("Fact")
@@ -111,7 +111,7 @@ def type_over(
 ) -> NodeType:
     """Return a type with what an entry has otherwise."""
     needed = {"version": known.version, "name": known.ui_name, "prim": known.prim_name}
-    content = record({**needed, **entry}, TypeEntry, f"{file}: {known.type}")
+    content = as_record({**needed, **entry}, TypeEntry, f"{file}: {known.type}")
     made = _node_type(known.type, content, usd_types, file, known.ports)
     fields = {_FIELDS.get(key, key) for key in entry if key not in ("handout", "name")}
     if "handout" in entry or known.handout_name == known.ui_name:
@@ -128,7 +128,7 @@ def parse_types(
     Raises:
         SpecError: names the file, the type and the port that are wrong.
     """
-    content = record(data, dict[str, TypeEntry], file)
+    content = as_record(data, dict[str, TypeEntry], file)
     return {
         name: _node_type(name, type_entry, usd_types, file) for name, type_entry in content.items()
     }

@@ -36,7 +36,7 @@ from lab3_usd.isaac.node_types import (
 from lab3_usd.isaac.platform import Platform, RosNames
 from lab3_usd.isaac.release_changes import ANY, ReleaseChanges
 from lab3_usd.isaac.releases import BASE, Release, TypeChanges, both_changes, order
-from lab3_usd.yaml_file import read_yaml, record
+from lab3_usd.yaml_file import as_record, read_yaml
 
 
 class EventEntry(Struct, forbid_unknown_fields=True):
@@ -171,9 +171,9 @@ def assemble_platform(folder: Path) -> Platform:
         SpecError: a file is missing or wrong.
     """
     name = folder.name
-    system = record(read_yaml(folder / SYSTEM), _SystemFile, f"{name}/{SYSTEM}")
+    system = as_record(read_yaml(folder / SYSTEM), _SystemFile, f"{name}/{SYSTEM}")
     data = read_yaml(folder / TYPES)
-    later = record(read_yaml(folder / LATER), _LaterReleases, f"{name}/{LATER}")
+    later = as_record(read_yaml(folder / LATER), _LaterReleases, f"{name}/{LATER}")
     usd_types = {**system.usd_types, **data["usd_types"], **later.usd_types}
     kit = _read_kit(folder / KIT_TYPES)
     usd_types = {**kit.usd_types, **usd_types}
@@ -188,19 +188,19 @@ def assemble_platform(folder: Path) -> Platform:
         for file, entries in _with_roles(files, folder).items()
         for kind, node_type in parse_types(entries, usd_types, f"{name}/{file}").items()
     }
-    names = record(read_yaml(folder / RENAMES), _Renames, f"{name}/{RENAMES}")
-    earlier = record(
+    names = as_record(read_yaml(folder / RENAMES), _Renames, f"{name}/{RENAMES}")
+    earlier = as_record(
         _tuples(read_yaml(folder / VERSIONS)), dict[str, _ReleaseEntry], f"{name}/{VERSIONS}"
     )
     releases = {
         release: _release(entry, usd_types, f"{name}: {release}")
         for release, entry in {**earlier, **later.releases}.items()
     }
-    early = record(_tuples(read_yaml(folder / EARLY)), _EarlyReleases, f"{name}/{EARLY}")
+    early = as_record(_tuples(read_yaml(folder / EARLY)), _EarlyReleases, f"{name}/{EARLY}")
     releases |= _early(early, releases, usd_types, f"{name}/{EARLY}")
 
     def by_type(file: str, kind: type[_Fact]) -> dict[str, _Fact]:
-        return record(read_yaml(folder / file), dict[str, kind], f"{name}/{file}")  # type: ignore[valid-type]
+        return as_record(read_yaml(folder / file), dict[str, kind], f"{name}/{file}")  # type: ignore[valid-type]
 
     recipes = load_recipes(folder, types)
     sensors, targets = by_type(SENSORS, SensorOf), by_type(TARGETS, TargetOf)
@@ -233,7 +233,7 @@ def assemble_platform(folder: Path) -> Platform:
         writers=system.writers,
         appearance=system.appearance,
         surfaces=system.surfaces,
-        ros=record(read_yaml(folder / ROS), RosNames, f"{name}/{ROS}"),
+        ros=as_record(read_yaml(folder / ROS), RosNames, f"{name}/{ROS}"),
         transform_messages=transform_messages(types),
         needs=_needs(folder, types, releases),
         sensors=sensors,
@@ -251,7 +251,7 @@ def assemble_platform(folder: Path) -> Platform:
             if name
         ),
         quantities=by_type(QUANTITIES, QuantityOf),
-        application_prims=record(
+        application_prims=as_record(
             read_yaml(folder / APPLICATION), _Application, f"{name}/{APPLICATION}"
         ).prims,
         placed=frozenset(kind for sensor in sensors.values() for kind in sensor.types),
@@ -270,7 +270,7 @@ def _read_kit(file: Path) -> _KitFile:
         data = json.loads(file.read_bytes())
     except (OSError, ValueError) as error:
         raise SpecError(f"{where}: cannot be read ({error})") from error
-    return record(data, _KitFile, where)
+    return as_record(data, _KitFile, where)
 
 
 def other_types(said: Mapping[str, Mapping[str, str]]) -> dict[str, OtherName]:
@@ -371,7 +371,7 @@ def _changes_of(
         SpecError: it names a type that no release has.
     """
     where = f"{folder.name}/{CHANGES}"
-    changes = record(_tuples(read_yaml(folder / CHANGES)), ReleaseChanges, where)
+    changes = as_record(_tuples(read_yaml(folder / CHANGES)), ReleaseChanges, where)
     known = {*types, *(kind for release in releases.values() for kind in release.has)}
     named = [*changes.folds, *changes.ports, *changes.ignored]
     named += [kind for meaning in changes.meanings for kind in meaning.types]
@@ -393,7 +393,7 @@ def _needs(
     folder: Path, types: Mapping[str, NodeType], releases: Mapping[str, Release]
 ) -> dict[str, tuple[Need, ...]]:
     where = f"{folder.name}/{NEEDS}"
-    needs = record(read_yaml(folder / NEEDS), dict[str, tuple[Need, ...]], where)
+    needs = as_record(read_yaml(folder / NEEDS), dict[str, tuple[Need, ...]], where)
     for name, entries in needs.items():
         kind = types.get(name)
         if kind is None:

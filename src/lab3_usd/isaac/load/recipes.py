@@ -9,7 +9,7 @@ from pathlib import Path
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.recipes import Recipe
-from lab3_usd.yaml_file import read_yaml, record
+from lab3_usd.yaml_file import as_record, read_yaml
 
 FOLDER = "recipes"
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
@@ -23,7 +23,7 @@ def load_recipes(folder: Path, types: Mapping[str, NodeType]) -> dict[str, Recip
     """
     recipes = {}
     for file in sorted((folder / FOLDER).glob("*.yaml")):
-        recipe = record(read_yaml(file), Recipe, file.name)
+        recipe = as_record(read_yaml(file), Recipe, file.name)
         _check(recipe, types, file.name)
         recipes[recipe.kind] = recipe
     return recipes

@@ -18,7 +18,7 @@ from lab3_usd.isaac.sensor_models import (
     SensorModels,
     SensorSchema,
 )
-from lab3_usd.yaml_file import read_yaml, record
+from lab3_usd.yaml_file import as_record, read_yaml
 
 SCHEMAS = "sensor_schemas.json"
 MODELS = "sensor_models.yaml"
@@ -47,8 +47,8 @@ def sensor_models(folder: Path) -> SensorModels:
         data = json.loads((folder / SCHEMAS).read_bytes())
     except (OSError, ValueError) as error:
         raise SpecError(f"{where}: cannot be read ({error})") from error
-    schemas = record(data, _SchemaFile, where).schemas
-    said = record(read_yaml(folder / MODELS), _ModelFile, f"{folder.name}/{MODELS}")
+    schemas = as_record(data, _SchemaFile, where).schemas
+    said = as_record(read_yaml(folder / MODELS), _ModelFile, f"{folder.name}/{MODELS}")
     return SensorModels(
         {name: replace(schema, attributes=_read(schema)) for name, schema in schemas.items()},
         said.schemas,

@@ -11,7 +11,7 @@ from msgspec import Struct
 
 from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import Edge, trees_of
-from lab3_usd.facts.tree import Tree, frame_faults, tree
+from lab3_usd.facts.tree import Tree, frame_faults, tree_of
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import Placed, layered
 from lab3_usd.report.picture.model import (
@@ -139,7 +139,7 @@ def _branches(frames: FrameSpec, edges: Sequence[Edge], *, required: bool) -> It
     for edge in edges:
         published.setdefault((edge.parent, edge.child), []).append(edge.publisher)
     certain = {(edge.parent, edge.child) for edge in edges if edge.sure}
-    heard = tree(edges)
+    heard = tree_of(edges)
     for edge_of_lab in frames.edges:
         if (
             edge_of_lab not in published

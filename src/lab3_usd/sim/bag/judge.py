@@ -16,7 +16,7 @@ from msgspec.structs import replace
 
 from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
-from lab3_usd.facts.tree import SentTransform, Tree, tree
+from lab3_usd.facts.tree import SentTransform, Tree, tree_of
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Topic, Unknown
 from lab3_usd.model.dry_run import Leg as DrivenLeg
 from lab3_usd.sim.bag.driven import follows_side, leg_of_any_base, legs, path
@@ -133,7 +133,7 @@ def frames(recorded: Recorded) -> Iterator[RunFault]:
 
 def _heard(gathered: Gathered) -> Tree[SentTransform]:
     """Return what tf2 made of the recorded transforms; a recording does not tell who sent them."""
-    return tree(SentTransform(parent, child) for parent, child in gathered.links)
+    return tree_of(SentTransform(parent, child) for parent, child in gathered.links)
 
 
 def _root(recorded: Recorded) -> str:

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.model.dry_run import Affine
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import Cell, MapFit, OccupancyMap
-from lab3_usd.physics.surfaces import distance
+from lab3_usd.physics.surfaces import distance_to_segments
 from lab3_usd.sim.execution.recording import Scan
 from lab3_usd.sim.judge.expectations import RunFault, Trial, in_root
 from lab3_usd.sim.lidar import directions
@@ -209,7 +209,7 @@ def _is_of_the_room(trial: Trial, grid: OccupancyMap, located: Located) -> bool:
     for column, row in grid.walls:
         x, y, _ = back.point((*grid.point(column + 0.5, row + 0.5), 0.0))
         standing -= not any(
-            left <= x <= right and low <= y <= high and distance((wall,), x, y) <= reach
+            left <= x <= right and low <= y <= high and distance_to_segments((wall,), x, y) <= reach
             for wall, left, right, low, high in room
         )
         if standing < _OF_THIS_ROOM * len(grid.walls):

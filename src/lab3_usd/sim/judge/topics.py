@@ -10,7 +10,7 @@ from typing import Any
 from msgspec.structs import replace
 
 from lab3_usd.facts.tree import SentTransform, Tree
-from lab3_usd.facts.tree import tree as build_tree
+from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE

@@ -11,7 +11,7 @@ import math
 from msgspec.structs import replace
 
 from lab3_usd.facts.sensor_faults import known_faults
-from lab3_usd.facts.sensor_values import SensorValues, entries, sensor_values, size
+from lab3_usd.facts.sensor_values import SensorValues, entry_count, listed_entries, sensor_values
 from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.sensor_models import LidarNames
 from lab3_usd.model.dry_run import RENDER_PRODUCT, ScenePrim
@@ -258,7 +258,7 @@ def _note_unplayed(node: NodeInstance, world: World, prim: ScenePrim, values: Se
     found = [
         name
         for name, value in values.of_instances(lidar.elevations).items()
-        if any(abs(angle) > _LEVEL for angle in numbers(entries(value)))
+        if any(abs(angle) > _LEVEL for angle in numbers(listed_entries(value)))
     ]
     found += [name for name, usual in lidar.played.items() if values.get(name) not in usual]
     circle = {name: values.number(name) or 0.0 for name in lidar.circle}
@@ -278,7 +278,7 @@ def _beam(values: SensorValues, names: LidarNames) -> Beam | None:
         values.number(name) or 0.0 for name in (names.turns, names.firings, names.near, names.far)
     )
     azimuths = next(iter(values.of_instances(names.azimuths).values()), None)
-    angles, count = numbers(entries(azimuths)), size(azimuths)
+    angles, count = numbers(listed_entries(azimuths)), entry_count(azimuths)
     if not 0 < count <= MOST:
         return None
     if values.get(names.kind) == names.still:  # (:110-118)

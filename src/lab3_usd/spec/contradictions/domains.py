@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.spec.contradictions.names import LabFault, file_of, likely_name, spec_value
+from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest_name, spec_value
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import ROS, Lab
 
@@ -56,7 +56,7 @@ def variable_faults(lab: Lab) -> Iterator[LabFault]:
                 continue
             name = spec_value(node, port)
             if name not in known:
-                likely = likely_name(str(name), known)
+                likely = nearest_name(str(name), known)
                 hint = f"; did you mean '{likely}'?" if likely else ""
                 message = f"names '{name}', and the graph has no such variable{hint}"
                 key = f"{node.role}: {port.partition(':')[2]}"

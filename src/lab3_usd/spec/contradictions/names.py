@@ -22,7 +22,7 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, NavigationSpec, TopicSpec
-from lab3_usd.spec.scene import is_within
+from lab3_usd.spec.scene import stands_within
 
 
 class LabFault(Struct, frozen=True):
@@ -49,7 +49,7 @@ class LabFault(Struct, frozen=True):
         return f"{self.place}{other}"
 
 
-def likely_name(name: str, known: Iterable[str]) -> str | None:
+def nearest_name(name: str, known: Iterable[str]) -> str | None:
     """Return the known name that was likely meant, None where none is like it."""
     from difflib import get_close_matches
 
@@ -167,7 +167,9 @@ def _namespace(lab: Lab, graph: GraphSpec, node: NodeSpec) -> str:
     is_helper = any(product_input(port) in node.type.ports for port in node.type.topics)
     place = next(sensors, "") if is_helper else ""
     place = place or f"{graph.path}/{node.role}"
-    above = [name for path, name in sorted(lab.scene.namespaces.items()) if is_within(place, path)]
+    above = [
+        name for path, name in sorted(lab.scene.namespaces.items()) if stands_within(place, path)
+    ]
     return "/".join(above[:1] if node.type.tf is not None else above)
 
 
@@ -232,7 +234,7 @@ def frame_contradictions(lab: Lab) -> Iterator[LabFault]:
     tree = _tree(lab)
     for file, key, frame in (*_graph_references(lab, given), *_references(lab)):
         if frame not in tree:
-            meant = likely_name(frame, tree)
+            meant = nearest_name(frame, tree)
             hint = f", '{meant}' is" if meant else ""
             message = f"'{frame}' is not a frame of the tree{hint}"
             yield LabFault(file, key, message, f"{CHECKPOINTS}: {TREE}")
@@ -295,7 +297,7 @@ def _misplaced_localization(lab: Lab) -> Iterator[LabFault]:
     parents = {child: parent for parent, child in lab.frames.edges}
     frames = [frame for edge in lab.frames.edges for frame in edge]
     if root not in frames:
-        meant = likely_name(root, frames)
+        meant = nearest_name(root, frames)
         message = f"'{root}' is not a frame of the tree" + (f", '{meant}' is" if meant else "")
         yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: {TREE}")
     elif parents.get(root, above) != above:
@@ -437,7 +439,7 @@ def _likely(lab: Lab, topic: TopicSpec, ends: Iterable[GraphTopic]) -> str:
     free = [end for end in ends if end.name not in lab.ros.topics]
     alike = [graph_topic for graph_topic in free if graph_topic.type == topic.type]
     by_name = {graph_topic.name: graph_topic for graph_topic in alike or free}
-    meant = likely_name(topic.name, by_name) or next(iter(by_name if alike else ()), None)
+    meant = nearest_name(topic.name, by_name) or next(iter(by_name if alike else ()), None)
     return f"{by_name[meant].place} is '{meant}'" if meant else ""
 
 
@@ -457,7 +459,7 @@ def _navigation(
         if name not in ends and not is_elsewhere:
             does = "subscribes to" if is_subscribed else "publishes"
             message = f"no node of a graph {does} '{name}'"
-            meant = likely_name(name, ends)
+            meant = nearest_name(name, ends)
             other = f"{ends[meant].place} is '{meant}'" if meant else f"{ROS}: topics"
             yield LabFault(ROS, f"navigation: {key}", message, other)
     if navigation.map_topic not in lab.ros.topics:
@@ -489,7 +491,7 @@ def misspelled(lab: Lab, text: str, file: str, key: str) -> Iterator[LabFault]:
     navigation = lab.ros.navigation
     known = _known_topics(lab) | set(() if navigation is None else navigation.rviz.values())
     for name in _NAME.findall(text):
-        meant = None if name in known else likely_name(name, known)
+        meant = None if name in known else nearest_name(name, known)
         if meant:
             message = f"'{name}' is not a topic, '{meant}' is"
             yield LabFault(file, key, message, f"{ROS}: topics: {meant}")

@@ -16,14 +16,14 @@ from lab3_usd.spec.contradictions.names import (
     LabFault,
     file_of,
     frame_contradictions,
-    likely_name,
     misspelled,
+    nearest_name,
     topic_faults,
 )
 from lab3_usd.spec.contradictions.scene import KnownScene, scene_faults
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
-from lab3_usd.spec.positions import place_of
+from lab3_usd.spec.positions import written_place
 from lab3_usd.spec.ros import FROM_THE_FIRST
 from lab3_usd.spec.submission import ChecklistSpec
 from lab3_usd.yaml_file import read_yaml
@@ -96,7 +96,7 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield names in the rules for all graphs that are none, and nodes before their graph."""
     policy, types = lab.policy, lab.platform.types
     if policy.tick not in types:
-        meant = likely_name(policy.tick, lab.platform.events)
+        meant = nearest_name(policy.tick, lab.platform.events)
         hint = f", '{meant}' is" if meant else ""
         yield LabFault(CHECKPOINTS, "policy: tick", f"'{policy.tick}' is no node type{hint}")
     named = {"keep_default": policy.keep_default, "stamp_reset: ports": policy.stamp_reset.ports}
@@ -107,7 +107,7 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
                 continue
             inputs = {port.rpartition(":")[2] for kind in types.values() for port in kind.ports}
             if name not in inputs:
-                meant = likely_name(name, inputs)
+                meant = nearest_name(name, inputs)
                 hint = f", '{meant}' is" if meant else ""
                 yield LabFault(CHECKPOINTS, f"policy: {key}", f"'{name}' is no input{hint}")
     comes = {name: point for point in lab.checkpoints.values() for name in point.new}
@@ -318,7 +318,7 @@ def refuse_faulty(lab: Lab) -> None:
     errors = [fault for fault in lab_faults(lab) if fault.severity == "error"]
     if errors:
         more = f"; and {len(errors) - 1} more, see {program()} lab check" if len(errors) > 1 else ""
-        place = place_of(lab.folder, errors[0].place)
+        place = written_place(lab.folder, errors[0].place)
         raise SpecError(f"{errors[0]}, at {place}{more}")
 
 

@@ -9,9 +9,9 @@ from msgspec import Struct
 
 from lab3_usd.data import data_folder
 from lab3_usd.isaac.releases import is_release_within as is_in_releases
-from lab3_usd.spec.contradictions.names import LabFault, file_of, likely_name
+from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest_name
 from lab3_usd.spec.lab import SCENE, STARTER, Lab
-from lab3_usd.spec.scene import RobotSpec, is_within
+from lab3_usd.spec.scene import RobotSpec, stands_within
 from lab3_usd.yaml_file import read_yaml
 
 
@@ -36,7 +36,7 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
                 yield LabFault(SCENE, f"{robot.key}: links: {name}: mass", message)
         for joint, name in robot.wheels.joints.items():
             if name not in robot.links:
-                meant = likely_name(name, robot.links)
+                meant = nearest_name(name, robot.links)
                 hint = f", '{meant}' is" if meant else ""
                 message = f"'{name}' is not a link{hint}"
                 key = f"{robot.key}: wheels: joints: {joint}"
@@ -61,7 +61,7 @@ def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
             yield LabFault(SCENE, key, f"'{name}' is the joint of a wheel", other)
         for link in joint.links:
             if link and link not in robot.links:
-                meant = likely_name(link, robot.links)
+                meant = nearest_name(link, robot.links)
                 hint = f", '{meant}' is" if meant else ""
                 message = f"'{link}' is not a link{hint}"
                 yield LabFault(SCENE, f"{key}: links", message, f"{SCENE}: {robot.key}: links")
@@ -87,7 +87,7 @@ def _absent_parts(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
     where = ", ".join(scene.name for scene in scenes)
     for key, path, is_there in _parts(lab, known) if scenes else ():
         if not is_there and not f"{path}/".startswith(open_below):
-            meant = likely_name(path, known)
+            meant = nearest_name(path, known)
             hint = f", '{meant}' is" if meant else ""
             yield LabFault(SCENE, key, f"'{path}' is no prim{hint}", where)
 
@@ -122,7 +122,7 @@ def _parts(lab: Lab, known: Collection[str]) -> Iterator[tuple[str, str, bool]]:
             yield key, target, target in known or robot.path not in known
         for name in (*robot.wheels.joints, *robot.joints):
             ends = (path for path in known if path.endswith(f"/{name}"))
-            is_there = any(is_within(path, robot.path) for path in ends)
+            is_there = any(stands_within(path, robot.path) for path in ends)
             of_wheel = name in robot.wheels.joints
             key = f"{robot.key}: {'wheels: ' if of_wheel else ''}joints: {name}"
             place = robot.joint_path(name) if of_wheel else f"{robot.path}/{name}"
@@ -201,7 +201,7 @@ def _target_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]
                 for path in target.prims:
                     if path in known or path.startswith(open_below):
                         continue
-                    meant = likely_name(path, known)
+                    meant = nearest_name(path, known)
                     hint = f", '{meant}' is" if meant else ""
                     key = f"{node.role}: {target.port.partition(':')[2]}"
                     message = f"'{path}' is no prim of the {named}, and no sensor{hint}"

@@ -23,7 +23,7 @@ from lab3_usd.spec.lab import (
 from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
 from lab3_usd.spec.scene import SceneSpec
 from lab3_usd.spec.submission import TEAM
-from lab3_usd.yaml_file import record
+from lab3_usd.yaml_file import as_record
 
 FORMAT = 1  # of the files of a lab; what is older than that has no number
 _PLACEHOLDERS = ("{id}", "{name}", TEAM)
@@ -115,7 +115,7 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
             f"{CHECKPOINTS}: format is {written}, and this release reads up to {FORMAT}; install a "
             "newer one"
         )
-    content = record(data, CheckpointsFile, CHECKPOINTS)
+    content = as_record(data, CheckpointsFile, CHECKPOINTS)
     if "{id}" not in content.files:
         wrong = f"'{content.files}' does not contain {{id}}, which distinguishes stages"
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
@@ -142,7 +142,7 @@ def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
     found = {}
     for key, spec in specs.items():
         where = f"{CHECKPOINTS}: checkpoint '{key}'"
-        entry = record(spec, CheckpointEntry, where)
+        entry = as_record(spec, CheckpointEntry, where)
         for name in (key, entry.id or key):
             if not is_checkpoint_id(name):
                 wrong = f"'{name}' is not an id: letters, digits, _ and -, in quotation marks"

@@ -36,7 +36,7 @@ from lab3_usd.spec.graph import (
     Variable,
     Wire,
 )
-from lab3_usd.yaml_file import record
+from lab3_usd.yaml_file import as_record
 
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
 # By the section of the handout, or all in that of the node or the graph.
@@ -126,7 +126,7 @@ def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> Graph
     Raises:
         SpecError: names the file, the graph, the role and the port that are wrong.
     """
-    content = record(data, GraphFile, file)
+    content = as_record(data, GraphFile, file)
     where = f"{file}: {content.graph}"
     section = content.handout
     nodes = {

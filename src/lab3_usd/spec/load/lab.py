@@ -38,7 +38,7 @@ from lab3_usd.spec.submission import (
     StarterRules,
     SubmissionSpec,
 )
-from lab3_usd.yaml_file import read_yaml, record, records
+from lab3_usd.yaml_file import as_record, read_yaml, records
 
 _ByName = dict[str, dict[str, Any]]
 
@@ -68,7 +68,7 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
     """
     folder = folder if folder is not None else lab_folder()
     data = read_yaml(folder / ROS) if (folder / ROS).is_file() else _no_ros()
-    content = record(data, RosFile, ROS)
+    content = as_record(data, RosFile, ROS)
     kinds = records(_evidence(content), ros.EvidenceKind, f"{ROS}: evidence")
     for name, kind in kinds.items():
         for key, text, known in (("run", kind.run, ("of", "to")), ("file", kind.file, ("name",))):
@@ -101,7 +101,7 @@ def _navigation(given: dict[str, Any] | None) -> ros.NavigationSpec | None:
     is_whole = given.keys() >= {*ros.NavigationSpec.__struct_fields__}
     usual = {} if is_whole else _bundled_ros()["navigation"]
     usual.pop("handout", None)
-    return record({**usual, **given}, ros.NavigationSpec, f"{ROS}: navigation")
+    return as_record({**usual, **given}, ros.NavigationSpec, f"{ROS}: navigation")
 
 
 def _refuse_placeholders(text: str, known: tuple[str, ...], where: str) -> None:
@@ -134,7 +134,7 @@ def _command(
     name = entry.get("kind")
     if not isinstance(name, str) or name not in kinds:
         raise SpecError(f"{where}: there is no kind {name!r}; known are {', '.join(kinds)}")
-    return record({**entry, "kind": kinds[name]}, ros.Command, f"{where} ({name})")
+    return as_record({**entry, "kind": kinds[name]}, ros.Command, f"{where} ({name})")
 
 
 class SceneFile(Struct, forbid_unknown_fields=True):
@@ -162,7 +162,7 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
     Raises:
         SpecError: it lacks a part, or holds a value of the wrong kind; the line names the part.
     """
-    scene = record(data, SceneFile, SCENE)
+    scene = as_record(data, SceneFile, SCENE)
     places: dict[str, str] = {}
     sensors = {}
     for sensor, spec in scene.sensors.items():
@@ -226,7 +226,7 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
     folder = folder if folder is not None else lab_folder()
-    content = record(read_yaml(folder / SUBMISSION), SubmissionFile, SUBMISSION)
+    content = as_record(read_yaml(folder / SUBMISSION), SubmissionFile, SUBMISSION)
     checklist = f"{SUBMISSION}: checklist"
     return SubmissionSpec(
         folders=content.folders,
@@ -234,7 +234,7 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
         deliverables=records(content.deliverables, Deliverable, f"{SUBMISSION}: deliverables"),
         starter=content.starter or _usual_starter(content.stages.handout),
         checklist=tuple(
-            record({"section": section, **line}, ChecklistSpec, f"{checklist}: {section}")
+            as_record({"section": section, **line}, ChecklistSpec, f"{checklist}: {section}")
             for section, lines in content.checklist.items()
             for line in lines
         ),
@@ -247,7 +247,7 @@ def _usual_starter(handout: str) -> StarterRules:
     `handout` is the section of another lab that asks for it.
     """
     content = read_yaml(data_folder("graphs") / SUBMISSION)
-    usual = record(content["starter"], StarterRules, f"{SUBMISSION}: starter")
+    usual = as_record(content["starter"], StarterRules, f"{SUBMISSION}: starter")
     return replace(usual, handout=handout)
 
 

@@ -15,7 +15,7 @@ from lab3_usd.spec.lab import SCENE, STARTER
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import Number3, RobotSpec, StageUnits
-from lab3_usd.yaml_file import read_yaml, record
+from lab3_usd.yaml_file import as_record, read_yaml
 
 _Data = dict[str, Any]
 NAMESPACE = "isaac:namespace"
@@ -112,7 +112,7 @@ def load_starter_spec(folder: Path) -> StarterSpec:
 
 
 def _starter_of(folder: Path) -> StarterSpec:
-    starter = record(read_yaml(folder / STARTER), StarterFile, STARTER)
+    starter = as_record(read_yaml(folder / STARTER), StarterFile, STARTER)
     scene = parse_scene(read_yaml(folder / SCENE))
     kinds: dict[str, _Data] = {}
     for name, kind in starter.kinds.items():
@@ -139,7 +139,7 @@ def _starter_of(folder: Path) -> StarterSpec:
 
 def _like(item: _Data, kinds: Mapping[str, _Data], where: str) -> _Data:
     """Complete a prim with the kind it is like; kinds can only be like kinds above them."""
-    content = record(item, PrimEntry, where)
+    content = as_record(item, PrimEntry, where)
     if not content.like:
         return item
     if content.like not in kinds:
@@ -156,7 +156,7 @@ def _prims(
     for name, item in children.items():
         path = f"{parent}/{name}"
         where = f"{STARTER}: {path}"
-        prim = record(_like(item, kinds, where), PrimEntry, where)
+        prim = as_record(_like(item, kinds, where), PrimEntry, where)
         if not prim.type and not prim.over:
             raise SpecError(f"{where}: 'type' is missing")
         yield PrimSpec(
@@ -176,7 +176,7 @@ def _prims(
 def _attributes(values: _Data, where: str) -> Iterator[AttributeSpec]:
     for name, value in values.items():
         if isinstance(value, dict):
-            content = record(value, _Attribute, f"{where}: {name}")
+            content = as_record(value, _Attribute, f"{where}: {name}")
             yield AttributeSpec(name, content.value, content.type)
         else:
             yield AttributeSpec(name, value)

@@ -44,7 +44,7 @@ _ENDS = ("physics:body0", "physics:body1")
 _SCHEMAS = "apiSchemas"
 
 
-def differences(pair: PairedPrim, terms: Terms, *, same_parent: bool) -> list[Difference]:
+def prim_differences(pair: PairedPrim, terms: Terms, *, same_parent: bool) -> list[Difference]:
     """Return all differences between the prim of the stage and the starter's.
 
     With `same_parent` False the two stand at different paths, and are compared in the world. Where

@@ -25,7 +25,7 @@ from lab3_usd.stage.compare.pairs import (
     read_records,
     signature,
 )
-from lab3_usd.stage.compare.prims import added_changes, differences
+from lab3_usd.stage.compare.prims import added_changes, prim_differences
 from lab3_usd.stage.compare.values import (
     Terms,
     ValueTolerance,
@@ -142,7 +142,7 @@ def _prim_changes(
     prim, twin, terms = pair.was.prim, pair.now, comparison.terms
     if comparison.share_layers and not moved and prim.GetPrimStack() == twin.GetPrimStack():
         return  # both come from the same places of the same files
-    changed = differences(pair, terms, same_parent=not moved)
+    changed = prim_differences(pair, terms, same_parent=not moved)
     if changed:
         body = body_of(prim, terms.rules)
         yield Change(str(twin.GetPath()), pair.was.kind, tuple(changed), body=body)

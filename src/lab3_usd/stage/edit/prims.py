@@ -45,7 +45,7 @@ _VARYING = ("timeSamples", "spline")  # which beat the default value of the same
 _LISTS = ("explicitItems", "prependedItems", "appendedItems", "addedItems")
 
 
-def set_value(session: EditSession, edit: SetValue) -> None:
+def set_attribute(session: EditSession, edit: SetValue) -> None:
     """Give an attribute a value, and the type asked for where its own cannot hold it."""
     set_typed(session, edit.prim, edit.property, edit.type, catalog_value(edit.value, edit.type))
 
@@ -126,7 +126,7 @@ def rename_property(session: EditSession, edit: RenameProperty) -> None:
             prim.RemoveProperty(prim.properties[edit.property])
 
 
-def connect(session: EditSession, edit: Connect) -> None:
+def connect_input(session: EditSession, edit: Connect) -> None:
     """Let an input be connected to what is named, and to nothing else."""
     layer = session.property_layer(edit.prim, edit.property)
     held = layer.GetAttributeAtPath(f"{edit.prim}.{edit.property}")
@@ -388,7 +388,7 @@ def _move_copy(session: EditSession, edit: MovePrim) -> None:
             if any(source.HasPrefix(old) for source in sources):
                 name, kind = attribute.GetName(), str(attribute.GetTypeName())
                 moved = tuple(str(source.ReplacePrefix(old, new)) for source in sources)
-                connect(session, Connect(path, name, kind, moved))
+                connect_input(session, Connect(path, name, kind, moved))
 
 
 def _names_files(prim: Usd.Prim) -> bool:

@@ -16,7 +16,7 @@ from lab3_usd.stage.edit.prims import (
     add_node,
     apply_schema,
     clear_value,
-    connect,
+    connect_input,
     copy_prim,
     create_node,
     drop_prim,
@@ -24,10 +24,10 @@ from lab3_usd.stage.edit.prims import (
     remove_prim,
     remove_schema,
     rename_property,
+    set_attribute,
     set_targets,
     set_type,
     set_typed,
-    set_value,
     write_graph,
 )
 from lab3_usd.stage.edit.session import EditSession
@@ -240,9 +240,9 @@ def _naming(prim: Sdf.PrimSpec, path: Sdf.Path, graph_type: str) -> Iterator[Sdf
 
 
 _EDITORS: Mapping[type, Callable[[EditSession, Any], None]] = {
-    changes.SetValue: set_value,
+    changes.SetValue: set_attribute,
     changes.ClearValue: clear_value,
-    changes.Connect: connect,
+    changes.Connect: connect_input,
     changes.Retarget: set_targets,
     changes.RenameProperty: rename_property,
     changes.ApplySchema: apply_schema,

@@ -191,14 +191,14 @@ def _input(attribute: Usd.Attribute, time: Usd.TimeCode) -> Input:
         sources = tuple(map(str, Usd.Attribute.GetConnections(attribute)))
     literal = None
     if Usd.Attribute.HasAuthoredCustomDataKey(attribute, "omni"):
-        literal = plain(Usd.Attribute.GetCustomDataByKey(attribute, "omni:graph:attrValue"))
+        literal = python_value(Usd.Attribute.GetCustomDataByKey(attribute, "omni:graph:attrValue"))
     kind, value = Usd.Attribute.GetTypeName(attribute), Usd.Attribute.Get(attribute, time)
-    return Input(str(kind), plain(value), literal, sources)
+    return Input(str(kind), python_value(value), literal, sources)
 
 
 def _value(prim: Usd.Prim, name: str, time: Usd.TimeCode = NO_TIME) -> Any:
     attribute = Usd.Prim.GetAttribute(prim, name)
-    return plain(Usd.Attribute.Get(attribute, time)) if attribute else None
+    return python_value(Usd.Attribute.Get(attribute, time)) if attribute else None
 
 
 def _is_readable(attribute: Usd.Attribute, value: Any) -> bool:
@@ -220,7 +220,7 @@ def _size(prim: Usd.Prim, name: str, time: Usd.TimeCode) -> Any:
     if not _is_readable(attribute, value):
         value = prim.GetPrimDefinition().GetAttributeFallbackValue(name)
     is_array = value is not None and Usd.Attribute.GetTypeName(attribute).isArray
-    return memoryview(value) if is_array else plain(value)
+    return memoryview(value) if is_array else python_value(value)
 
 
 def _prim(
@@ -244,7 +244,7 @@ def _prim(
             at = NO_TIME if name.startswith(TIMELESS) else time
             value = Usd.Attribute.Get(authored, at)
             if _is_readable(authored, value):
-                values[name] = plain(value)
+                values[name] = python_value(value)
         else:
             targets[name] = tuple(map(str, targets_of(authored)))
     if has_sizes:  # by the schema where nothing is authored
@@ -284,7 +284,7 @@ def _affine(matrix: Any) -> Affine:
     return Affine(rows, numbers[12:15])  # type: ignore[arg-type]
 
 
-def plain(value: Any) -> Any:
+def python_value(value: Any) -> Any:
     """Return a value of USD as Python's own; a quaternion comes as (w, x, y, z)."""
     if isinstance(value, float):
         return bounded(value)
@@ -293,5 +293,5 @@ def plain(value: Any) -> Any:
     if hasattr(value, "GetReal"):
         return tuple(bounded(float(part)) for part in (value.GetReal(), *value.GetImaginary()))
     if hasattr(value, "__len__"):
-        return tuple(plain(item) for item in value)
+        return tuple(python_value(item) for item in value)
     return str(value)
