@@ -8,7 +8,7 @@ import pytest
 from breaking import Step, broken, correct_stage
 from dry_runs import SHORT, driven
 from pxr import Sdf, Usd
-from scene_changes import LIDAR, Change, clear, put, several
+from scene_changes import LIDAR, Change, clear, drive, put, several
 from sensor_stages import CASES, with_values
 
 from lab3_usd.model.dry_run import Check
@@ -308,3 +308,13 @@ def test_a_rate_of_zero_is_not_left_to_the_schema() -> None:
     stage = correct_stage("05")
     stage.GetPrimAtPath(LIDAR).GetAttribute(f"{CORE}patternFiringRateHz").Set(0)
     assert checks(stage)["topics"].verdict == "bad"
+
+
+def test_a_missing_asset_is_the_cause_of_what_it_could_hold() -> None:
+    stage = correct_stage("02")
+    left = "/turtlebot3_burger/wheel_left_link"
+    stage.GetPrimAtPath(left).GetReferences().AddReference(NOWHERE)
+    put("/turtlebot3_burger/joints/wheel_left_joint", drive("damping"), 0.0)(stage)
+    check = checks(stage)["follows"]
+    assert (check.verdict, check.prim, check.kind) == ("not judged", left, None)
+    assert check.cause == f"{NOWHERE} cannot be found"

@@ -14,7 +14,8 @@ from lab3_usd.model.finding import SEVERITIES, Finding
 
 ONLY_IN_A_DRY_RUN = "F07"  # the rule of a fault that no other rule finds
 _MISSING_WIRE, _MISSING_NODE = "W01", "N01"  # a node takes its wires along
-_ONE_CAUSE: tuple[FaultKind, ...] = ("no-gravity",)  # which nothing else in a stage brings about
+# What only such rules find, wherever in the stage: the robot, at which the fault shows, is right.
+_ELSEWHERE: tuple[FaultKind, ...] = ("no-gravity", "no-ground", "duplicate-publisher")
 
 # The rules that most often find what shows itself as a fault of each kind: of the lab, and of lint
 # ('' where none does). They choose among findings, and explain the faults of recordings.
@@ -148,6 +149,25 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "goal-not-reached": ("E16", ""),
 }
 
+# Other rules that find them: of a robot that moves otherwise than commanded, those of its wheels.
+_OF_WHEELS = ("S06", "S07", "S09", "S10", "S20", "S24", "S25", "S31")
+_OF_WHEELS += ("K62", "K64", "K66", "K82", "K84", "Y01", "Y05")
+_ALSO: Mapping[FaultKind, Sequence[str]] = {
+    "does-not-move": _OF_WHEELS,
+    "moves-uncommanded": _OF_WHEELS,
+    "moves-sideways": _OF_WHEELS,
+    "wrong-distance": ("P02", *_OF_WHEELS),
+    "wrong-turn": _OF_WHEELS,
+    "wrong-arc": _OF_WHEELS,
+    "sideways-drift": _OF_WHEELS,
+    "turn-off-centre": _OF_WHEELS,
+    "no-wheel-contact": _OF_WHEELS,
+    "no-ground": ("Y02", "K96", "S28"),
+    "unknown-joint": ("S07",),
+    "wrong-domain": ("P01",),
+    "duplicate-publisher": ("L07",),
+}
+
 
 def explaining_rule(check: Check) -> str:
     """Return the id of the rule of the lab that explains faults of this kind; '' for no fault."""
@@ -155,54 +175,49 @@ def explaining_rule(check: Check) -> str:
 
 
 def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | None:
-    """Return what the rules found about what a failed check rests on; None if only it shows that.
+    """Return what the rules found that explains a failed check; None if only it shows that.
 
-    Errors count before warnings, then what the check rests on before other places, then the rules
-    that most often find such faults, then what is nearest to the prim at fault, and at it before
-    what only names it. Of such a rule a finding anywhere in the stage counts, and of every rule
-    where nothing is known to be at fault, as the node itself is missing: there such a rule comes
-    first. Where a check was not judged, or a fault has one cause, only those rules count.
+    It stands at the prim at fault, and is an error or of a rule that finds such faults. One of such
+    a rule may also stand at what feeds that prim, or anywhere where nothing is known to be at
+    fault, as the node itself is missing. Errors count before warnings, then such rules, then what
+    is nearest. What is wrong with the whole stage comes last.
     """
     if check.kind is None:
         return None
-    usual = {*EXPLAINED_BY[check.kind]}
+    usual = {*EXPLAINED_BY[check.kind], *_ALSO.get(check.kind, ())} - {""}
     if _MISSING_WIRE in usual:
         usual.add(_MISSING_NODE)
+    is_strict = check.kind in _ELSEWHERE or check.verdict != "bad"
     sites = {prim: number for number, prim in enumerate(check.rests_on)}
+    far = len(sites) + 1
 
-    far = 2 * len(sites) + 1
+    def parent(path: str) -> str:
+        return path.rpartition("/")[0] or "/"
 
-    def distance(finding: Finding) -> int:
-        prims = {finding.prim, *(path.partition(".")[0] for path in finding.related)}
-        if check.prim in prims:
+    def distance(finding: Finding) -> int | None:
+        """Return how far it is from the fault, None where it does not speak of it."""
+        places = {finding.prim, *(path for path, _ in finding.covers)}
+        is_usual = finding.rule in usual
+        if not check.prim:
+            return 0 if is_usual else None
+        if check.prim in places and (is_usual or (finding.severity == "error" and not is_strict)):
             return 0
-        if finding.prim == "/":  # of the whole stage, as its units and its upward axis
-            return far - 1
-        return min(nearness(prim) for prim in (finding.prim, *(path for path, _ in finding.covers)))
+        if is_usual:
+            named = {path.partition(".")[0] for path in finding.related}
+            if check.prim in named:
+                return 1
+            # What is missing or switched off is no part of the scene, but what it stands in is.
+            near = [sites[place] for place in places & sites.keys()]
+            near += [sites[top] for top in {parent(place) for place in places} & sites.keys()]
+            return min(near, default=far if check.kind in _ELSEWHERE else None)
+        return far if finding.prim == "/" and not is_strict else None
 
-    def nearness(prim: str) -> int:
-        # What is missing or switched off is no part of the scene, but what it stands in is.
-        above = sites.get(prim.rpartition("/")[0] or "/", far)
-        return sites.get(prim, min(far, above + len(sites)))
-
-    def rank(finding: Finding) -> tuple[bool, int, bool, bool, int, bool]:
-        is_unusual, away = finding.rule not in usual, distance(finding)
-        severity = SEVERITIES.index(finding.severity)
-        is_beside = finding.prim != check.prim
-        return not check.prim and is_unusual, severity, away == far, is_unusual, away, is_beside
-
-    is_elsewhere = not check.prim and check.verdict == "bad"
-    is_narrow = check.kind in _ONE_CAUSE
-    found = [
-        finding
-        for finding in findings
-        if finding.severity != "note"
-        and (
-            finding.rule in usual
-            or (not is_narrow and (is_elsewhere or (check.prim and distance(finding) < far)))
-        )
+    ranked = [
+        (SEVERITIES.index(finding.severity), finding.rule not in usual, away, number)
+        for number, finding in enumerate(findings)
+        if finding.severity != "note" and (away := distance(finding)) is not None
     ]
-    return min(found, key=rank, default=None)
+    return findings[min(ranked)[-1]] if ranked else None
 
 
 def rules_named(behaviour: Behaviour, findings: Sequence[Finding]) -> Callable[[Check], str]:

@@ -49,6 +49,7 @@ from lab3_usd.sim.robots import (
     Robot,
     drive_for,
     expected_of,
+    hears_commands,
     labels,
     listening_robots,
     owned_graphs,
@@ -89,6 +90,15 @@ class Played(Struct, frozen=True):
     robots: tuple[Robot, ...]
     plays: tuple[Trial, ...]
     checks: tuple[Check, ...]
+
+    @property
+    def has_commands(self) -> bool:
+        """Whether a stage has nodes that hear or give commands, and nothing was driven by them."""
+        causes = self.plays[0].causes
+        nodes = causes.program.nodes.values() if isinstance(causes, RunCauses) else ()
+        return not self.robots and any(
+            node.type.drives is not None or hears_commands(node.type) for node in nodes
+        )
 
     @property
     def missing(self) -> str:

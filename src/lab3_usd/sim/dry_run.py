@@ -109,10 +109,13 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
     """Return the results of a stage without a checkpoint, judged by themselves."""
     first = played.plays[0]
     verdict, missing = whole_verdict(played.checks)
-    if not played.robots and verdict != "bad":
+    if verdict == "ok" and played.has_commands:
         verdict, missing = "not judged", played.missing
+    elif not played.robots and verdict == "not judged":
+        missing = played.missing
     recording = first.recording
     reasons = {**recording.not_simulated, **recording.assumed}
+    unasked = [f"nothing is driven: {played.missing}"] if played.missing and not missing else []
     several = len(played.robots) > 1
     legs = (
         replace(leg, name=f"{label}: {leg.name}" if several else leg.name)
@@ -123,6 +126,7 @@ def outcome_of_any(stage: str, played: Played) -> Behaviour:
         first, recording=replace(recording, messages=[*map(_at_home, recording.messages)])
     )
     remarks = [remark for play in played.plays for remark in _remarks(play, played.checks)]
+    remarks += unasked
     remarks += [
         f"the wheels of {robot.name} slide in a turn: its angle is unknown"
         for robot, play in zip(played.robots, played.plays, strict=False)

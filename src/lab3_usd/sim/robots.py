@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
-from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.physics.machine import Machine
@@ -209,6 +209,11 @@ def robot_of_kind(scene: Scene, platform: Platform, wanted: Expected) -> Robot |
     )
 
 
+def hears_commands(kind: NodeType) -> bool:
+    """Whether nodes of a type subscribe to commands for robots."""
+    return SUBSCRIBER in kind.role and kind.message.get("", "") in {TWIST, STEERING, JOINTS}
+
+
 def _listening(player: Player) -> Iterator[Robot]:
     """Yield a robot for each subscriber from which wires lead to a controller of joints."""
     world, nodes = player.world, player.program.nodes
@@ -216,7 +221,7 @@ def _listening(player: Player) -> Iterator[Robot]:
     frames = {child for message in world.network.sent for _, child in message.frames}
     for node in nodes.values():
         kind = node.type.message.get("", "")
-        if SUBSCRIBER not in node.type.role or kind not in {TWIST, STEERING, JOINTS}:
+        if not hears_commands(node.type):
             continue
         endpoint: RosEndpoint | None = node.memory.get("endpoint") or open_endpoint(node, world)
         if endpoint is None:

@@ -101,16 +101,7 @@ def _judge(
 
     run = dry_run(stage, lab, checkpoint, asked.drive, asked.topic or "", asked.maps)
     behaviour = run.behaviour
-    findings: tuple[Finding, ...] = ()
-    if any(check.verdict != "ok" for check in behaviour.checks):
-        from lab3_usd.pipeline.stage import JudgeSettings, check_stage, lint_stage
-
-        # What fails in the dry run, the rules know to explain and to repair.
-        settings = JudgeSettings(release=lab.platform.release)
-        if checkpoint:
-            findings = check_stage(stage, checkpoint, lab).findings
-        else:
-            findings = lint_stage(stage, settings).findings
+    findings = _findings(stage, lab, checkpoint) if behaviour.checks else ()
     if asked.page is not None:
         from lab3_usd.files import write_whole
         from lab3_usd.report.behaviour.page import render
@@ -128,3 +119,12 @@ def _judge(
             click.echo(line, err=is_json)
     exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
     return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)
+
+
+def _findings(stage: Path, lab: Lab, checkpoint: str) -> tuple[Finding, ...]:
+    """Return what the rules find: they explain what fails, and know what a dry run cannot play."""
+    from lab3_usd.pipeline.stage import JudgeSettings, check_stage, lint_stage
+
+    if checkpoint:
+        return check_stage(stage, checkpoint, lab).findings
+    return lint_stage(stage, JudgeSettings(release=lab.platform.release)).findings

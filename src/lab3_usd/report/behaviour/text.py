@@ -167,7 +167,22 @@ def render(
     lines.append(sum_text(behaviour))
     if behaviour.missing:
         lines += folded(f"not judged: {printable(behaviour.missing)}", max(width, 40))
+    unplayed = errors_unplayed(behaviour, findings)
+    lines += folded(unplayed, max(width, 40), rest="  ") if unplayed else []
     return "\n".join(lines) + "\n"
+
+
+def errors_unplayed(behaviour: Behaviour, findings: Sequence[Finding]) -> str:
+    """Say which errors of the rules no check of a dry run shows, '' where there are none."""
+    rule_of = rules_named(behaviour, findings)
+    shown = {rule_of(check) for check in behaviour.checks}
+    errors = [each.rule for each in findings if each.severity == "error" and each.rule not in shown]
+    if not errors:
+        return ""
+    command = "check" if behaviour.checkpoint else "lint"
+    count = f"{len(errors)} error{'s' if errors[1:] else ''}"
+    named = ", ".join(sorted({*errors}))
+    return f"{program()} {command} has {count} that no check here shows: {named}"
 
 
 def _topics(behaviour: Behaviour, width: int) -> Iterator[str]:

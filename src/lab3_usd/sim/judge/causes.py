@@ -109,6 +109,21 @@ class RunCauses(Struct, frozen=True):
         shown = _SHOWN_BY.get(check, sent if fault.kind == "silent-topic" else ())
         return not sent.isdisjoint(shown) and not (check == "topics" and fault.prim)
 
+    def asset(self, fault: RunFault) -> Cause | None:
+        """Return the missing asset that could hold what a fault misses, None where none is."""
+        bodies = self.robot.rest if self.robot is not None else ()
+        running = self.program.nodes.get(fault.prim)
+        aims = (
+            [to for targets in running.node.targets.values() for to in targets] if running else ()
+        )
+        own = [*filter(None, (fault.prim, *aims, *bodies))]
+        near = [path for path in self.missing if any(is_within(each, (path,)) for each in own)]
+        near += [path for path in self.missing if any(is_within(path, (aim,)) for aim in aims)]
+        near += self.missing if fault.kind in {*_AROUND, *_PART} else ()
+        path = next(iter(near), "")
+        asset = self.scene.missing.get(path)
+        return Cause(path, f"{asset} cannot be found", None) if asset else None
+
     def _is_by_number(self) -> bool:
         """Whether joints have no names, but the order of the articulation, which no file tells."""
         for node in self.program.nodes.values():

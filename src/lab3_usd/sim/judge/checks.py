@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 from typing import Literal
 
+from msgspec.structs import replace
+
 from lab3_usd.model.dry_run import Check, Verdict
 from lab3_usd.sim.judge.causes import DRIVEN
 from lab3_usd.sim.judge.expectations import CheckFunction, RunFault, Trial
@@ -71,17 +73,20 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     silent = _unheard(name, trial)
     if not faults and silent:
         return Check(name, "not judged", f"nothing on {silent}")
-    if not faults and name in MOVED and (not trial.recording.path or trial.never_moves()):
-        return Check(name, "not judged", "the robot never moved")
     if not faults:
-        return Check(name, "ok")
+        never = name in MOVED and (not trial.recording.path or trial.never_moves())
+        return Check(name, "not judged", "the robot never moved") if never else Check(name, "ok")
     sure = [fault for fault in faults if not _is_doubtful(name, fault, trial)]
     shown = sure or faults
     leading = next((fault for fault in shown if fault.prim), shown[0])
     text = "; ".join(fault.message for fault in shown)
     outcome: Verdict = "bad" if sure else "not judged"
-    basis = trial.causes.basis(name, leading.prim) if trial.causes is not None else ()
-    return Check(name, outcome, text, leading.prim, leading.kind, leading.cause, rests_on=basis)
+    causes = trial.causes
+    check = Check(name, outcome, text, leading.prim, leading.kind, leading.cause)
+    asset = causes.asset(leading) if causes is not None and not sure and leading.sure else None
+    if asset is not None:  # a cause of its own, which no rule about the stage explains
+        return replace(check, prim=asset.prim, kind=None, cause=asset.reason)
+    return check if causes is None else replace(check, rests_on=causes.basis(name, leading.prim))
 
 
 def _is_of_graph(fault: RunFault, trial: Trial) -> bool:

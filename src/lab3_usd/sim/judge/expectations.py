@@ -108,6 +108,9 @@ class Causes(Protocol):
     def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from what is not known."""
 
+    def asset(self, fault: RunFault) -> Cause | None:
+        """Return the missing asset that could hold what a fault misses, None where none is."""
+
     def basis(self, check: str, prim: str) -> tuple[str, ...]:
         """Return what a failed check rests on, from the prim at fault on."""
 
