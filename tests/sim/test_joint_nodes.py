@@ -145,7 +145,20 @@ def test_what_reaches_a_publisher_is_published(stage: World) -> None:
 def test_lengths_are_published_divided_by_the_unit_of_the_stage() -> None:
     world = world_of(read_scene(sliding(), load_platform()), load_platform())
     bent(world, slide=5.0)
-    assert published(world, {}, targetPrim="/arm").positions == (500.0, 0.0)
+    assert published(world, {}, targetPrim="/arm/base").positions == (500.0, 0.0)
+
+
+@pytest.mark.parametrize("part", ["base", "hand", "slide_joint"])
+def test_an_articulation_is_read_by_each_of_its_parts(part: str) -> None:
+    world = world_of(read_scene(sliding(), load_platform()), load_platform())
+    machine = world.machines.viewed(f"/arm/{part}")
+    assert machine is not None
+    assert [*machine.joints] == ["slide_joint", "hand_joint"]
+
+
+def test_an_articulation_is_not_read_by_what_stands_above_its_root() -> None:
+    world = world_of(read_scene(sliding(), load_platform()), load_platform())
+    assert world.machines.viewed("/arm") is None
 
 
 def heard(world: World, command: JointStates) -> Any:

@@ -150,8 +150,10 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
 }
 
 # Other rules that find them: of a robot that moves otherwise than commanded, those of its wheels.
-_OF_WHEELS = ("S06", "S07", "S09", "S10", "S20", "S24", "S25", "S31")
-_OF_WHEELS += ("K62", "K64", "K66", "K82", "K84", "Y01", "Y05")
+_OF_WHEELS = (
+    *("S06", "S07", "S09", "S10", "S20", "S24", "S25", "S31"),
+    *("K62", "K64", "K66", "K82", "K84", "Y01", "Y05"),
+)
 _ALSO: Mapping[FaultKind, Sequence[str]] = {
     "does-not-move": _OF_WHEELS,
     "moves-uncommanded": _OF_WHEELS,

@@ -106,12 +106,14 @@ class Machines:
         machine = self._articulation(path)
         return machine if machine is not None and machine.joints else None
 
-    def around(self, path: str) -> Machine | None:
-        """Return the articulation at or below a prim, or that of which it is a link or a joint.
+    def viewed(self, path: str) -> Machine | None:
+        """Return the articulation of which a prim is the root, a link or a joint.
 
-        NVIDIA-Omniverse/PhysX, BaseSimulationView.cpp, `getArticulationAtPath`.
+        A view finds none by a prim above the root (NVIDIA-Omniverse/PhysX, BaseSimulationView.cpp,
+        `getArticulationAtPath`).
         """
-        found = self._articulation(path)
+        prim = self.scene.prims.get(path)
+        found = self._articulation(path) if prim is not None and ROOT in prim.apis else None
         if found is not None:
             return found
         joints = (m for m in self.machines for j in m.joints.values() if j.path == path)

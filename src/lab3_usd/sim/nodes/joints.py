@@ -24,7 +24,7 @@ _STATES = ("jointNames", "jointPositions", "jointVelocities", "jointEfforts", "j
 def read_joint_state(node: NodeInstance, world: World) -> bool:
     """SN/nodes/OgnIsaacReadJointState.cpp:44-160; efforts are not known and are 0."""
     targets = node.targets("prim")
-    machine = world.machines.articulation(targets[0]) if targets else None
+    machine = world.machines.viewed(targets[0]) if targets else None
     joints = [] if machine is None else [*machine.articulated.values()]
     node.outputs.update(
         jointNames=tuple(joint.name for joint in joints),
@@ -38,7 +38,8 @@ def read_joint_state(node: NodeInstance, world: World) -> bool:
     if not targets:
         return node.fails("it has no prim", "no-articulation")
     if not joints:
-        return node.fails(f"there is no articulation at or below {targets[0]}", "no-articulation")
+        text = f"{targets[0]} is no articulation, nor a link or joint of one"
+        return node.fails(text, "no-articulation")
     return node.goes_on()
 
 
@@ -63,10 +64,11 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
             return node.fails("no unit of the stage reaches it", "unequal-joint-arrays")
     else:
         targets = node.targets("targetPrim")
-        machine = world.machines.around(targets[0]) if targets else None
+        machine = world.machines.viewed(targets[0]) if targets else None
         if machine is None:
-            place = f"at or below {targets[0]}" if targets else "without a target"
-            return node.fails(f"there is no articulation {place}", "no-articulation")
+            is_part = "is no articulation, nor a link or joint of one"
+            text = f"{targets[0]} {is_part}" if targets else "it has no target"
+            return node.fails(text, "no-articulation")
         joints = [*machine.articulated.values()]
         names = tuple(joint.name for joint in joints)
         positions = tuple(joint.position for joint in joints)
