@@ -16,6 +16,7 @@ SCRIPT_ENDINGS = (".py", ".ipynb")
 _DEVICES = Path("/dev")
 _MEMORY = Path("/dev/shm")  # noqa: S108 - below it are files as anywhere
 _ORIGINAL = r"\.orig(\.[0-9]+)?$"
+_ADDRESS = r"(\w{2,}):/+(.+)"  # of which a path keeps one slash
 _LINE = "[^\n]*\n|[^\n]+"
 _HALF = ".lab3-half"  # ends the name of what is being written, and of nothing that people keep
 _HALF_NAME = f"[a-z0-9_]{{8}}{re.escape(_HALF)}"  # behind the prefix, as tempfile names
@@ -217,6 +218,12 @@ def is_original(name: str) -> bool:
     return bool(re.search(_ORIGINAL, name))
 
 
+def original_of(path: Path) -> Path | None:
+    """Return the name of the file of which an original was kept at a path, None for another one."""
+    name = re.sub(_ORIGINAL, "", path.name)
+    return None if name == path.name else path.with_name(name)
+
+
 def refuse_existing(target: Path, *, force: bool) -> None:
     """Raise UsageError where writing would replace a file without permission."""
     if target.exists() and not force:
@@ -231,10 +238,20 @@ def lines_of(text: str) -> list[str]:
     return re.findall(_LINE, text)
 
 
+def not_utf8(error: UnicodeDecodeError) -> str:
+    """Say in which line bytes are not UTF-8, as the end of a sentence about a file."""
+    line = error.object.count(b"\n", 0, error.start) + 1
+    return f"is not UTF-8 text: line {line} holds the byte 0x{error.object[error.start]:02x}"
+
+
 def absence(path: Path, what: str = "file") -> str:
     """Say that nothing is at a path, and which file may be meant, or where the link there leads."""
     from difflib import get_close_matches
 
+    address = re.match(_ADDRESS, str(path))
+    if address is not None:
+        name = f"{address[1]}://{address[2]}"
+        return f"{name}: is an address, and only files are read; download it first"
     if path.is_symlink():
         return f"{path}: is a link to {path.readlink()}, which does not exist"
     absent = f"{path}: there is no such {what}"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import re
+import traceback
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from itertools import chain
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
@@ -26,6 +28,8 @@ from lab3_usd.model.stage import StageModel, once_per_stage
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
+
+PACKAGE = __name__.partition(".")[0]
 
 
 class RuleResults(Struct, frozen=True):
@@ -83,10 +87,18 @@ def run_rules(rules: Iterable[Rule], subjects: Collection[Any], lab: Lab | None)
             except StageError:  # noqa: PERF203 - one rule that fails leaves the others to run
                 raise
             except Exception as error:  # noqa: BLE001 - whatever a rule raises is its crash
-                crashes.append(Crash(rule.id, f"{type(error).__name__}: {error}"))
+                crashes.append(Crash(rule.id, _where_it_failed(error)))
     return RuleResults(
         tuple(findings), tuple(crashes), tuple(not_judged), left_open=tuple(left_open)
     )
+
+
+def _where_it_failed(error: Exception) -> str:
+    """Say what a rule raised, and at which line of it: its author has to find that."""
+    frames = traceback.extract_tb(error.__traceback__)[1:]
+    own = [frame for frame in frames if PACKAGE not in Path(frame.filename).parts] or frames
+    place = f", at {Path(own[-1].filename).name}:{own[-1].lineno}" if own else ""
+    return f"{type(error).__name__}: {error}{place}"
 
 
 def _as_judged(problem: Problem, rule: Rule, subject: Any) -> Problem:

@@ -45,6 +45,7 @@ class LintOptions(Struct, frozen=True):
     fix: bool
     diff: bool
     in_place: bool
+    unsafe: bool
 
 
 @click.command("lint")
@@ -54,6 +55,7 @@ class LintOptions(Struct, frozen=True):
 @click.option("--fix", is_flag=True, help="List the repairs that lab3 fix --lint would make.")
 @click.option("--diff", is_flag=True, help="With --fix: print the changes.")
 @click.option("--in-place", is_flag=True, help="With --fix: make the repairs.")
+@click.option("--unsafe", is_flag=True, help="With --fix: the likely repairs, too.")
 @scene_option
 @assets_option
 @native_option
@@ -88,11 +90,13 @@ def command(
         from lab3_usd.commands.shared.writing import WritingOptions
 
         output = None if report.output is None else Path(report.output)
-        repair = RepairOptions(lint=True, release=asked.release, moved_from=asked.moved_from)
+        repair = RepairOptions(
+            lint=True, unsafe=asked.unsafe, release=asked.release, moved_from=asked.moved_from
+        )
         writing = WritingOptions(asked.diff, output, asked.in_place)
         sys.exit(repair_stages(paths, repair, writing, config))
-    if asked.diff or asked.in_place:
-        raise UsageError("--diff and --in-place go with --fix")
+    if asked.diff or asked.in_place or asked.unsafe:
+        raise UsageError("--diff, --in-place and --unsafe go with --fix")
     from lab3_usd.commands.shared.judging import Judge, judge_and_report
     from lab3_usd.commands.shared.reporting import Reporting, refuse_unusable, wants_native
 

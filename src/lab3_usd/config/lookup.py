@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lab3_usd.errors import UsageError
+from lab3_usd.files import not_utf8
 
 NAME, HIDDEN_NAME, SHARED_NAME = "lab3.toml", ".lab3.toml", "pyproject.toml"
 TOOL, TABLE = "tool", "lab3"
@@ -67,7 +68,9 @@ def _parsed(path: Path) -> dict[str, Any]:
         content: dict[str, Any] = tomllib.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
-    except (tomllib.TOMLDecodeError, UnicodeDecodeError) as error:
+    except UnicodeDecodeError as error:
+        raise UsageError(f"{path}: {not_utf8(error)}") from error
+    except tomllib.TOMLDecodeError as error:
         match = re.search(_PLACE, str(error))
         lines = path.read_bytes().splitlines() or [b""]
         place = f"{match[1]}:{match[2]}" if match else f"{len(lines)}:{len(lines[-1]) + 1}"

@@ -258,6 +258,8 @@ def _sizes(trial: Trial, of_lab: str = "") -> Iterator[str]:
         return
     wheel, stated = trial.recording.radii
     far = wheel / stated
+    if far <= 0.0:
+        return  # a check says that it stands, or which way it goes
     text = f"the wheels measure {wheel:g} m and the controller has {stated:g} m: the robot goes"
     is_expected = abs(far / trial.factor - 1.0) <= FOLLOWS
     yield f"{text} {far:.2f} times as far as commanded" + (

@@ -13,7 +13,6 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.config.settings import Config, chosen
-from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.model.finding import Finding, Report, StageResult, Submission
@@ -83,9 +82,7 @@ def read_baseline(path: Path) -> Baseline:
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except (msgspec.MsgspecError, UnicodeError) as error:
-        raise UsageError(
-            f"{path}: is not a baseline; {program()} check --write-baseline writes one"
-        ) from error
+        raise UsageError(f"{path}: is not a baseline, as --write-baseline writes one") from error
     if baseline.version != VERSION:
         raise UsageError(f"{path}: is a baseline of version {baseline.version}, expected {VERSION}")
     return baseline

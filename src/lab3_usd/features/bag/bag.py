@@ -98,6 +98,9 @@ def command(
 
         html = render(behaviour, run.replays, lab)
         write_whole(page, html.encode("utf-8", "replace"), force=True)
+    if behaviour.verdict == "unreadable" and form != "json":
+        reasons = (f"{recording}: {part.reason}" for part in behaviour.not_simulated)
+        raise UsageError("; ".join(reasons))
     if form == "json":
         click.echo(text.render_json(behaviour), nl=False)
     else:

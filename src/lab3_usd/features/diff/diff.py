@@ -5,10 +5,12 @@ from __future__ import annotations
 import re
 import sys
 from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
+from msgspec.structs import replace
 
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
@@ -19,8 +21,14 @@ from lab3_usd.commands.shared.options import (
     text_or_json,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
-from lab3_usd.errors import EXIT_FOUND
-from lab3_usd.files import make_folder, refuse_existing, write_whole
+from lab3_usd.errors import EXIT_FOUND, unwritten
+from lab3_usd.files import (
+    make_folder,
+    original_of,
+    refuse_existing,
+    temporary_beside,
+    write_whole,
+)
 
 if TYPE_CHECKING:
     from lab3_usd.diff import Comparison
@@ -67,7 +75,10 @@ def command(
     use_config(before, assets)
     lab = load_lab()
     lab = lab if release is None else lab_in_release(lab, release)
-    comparison = compare_stages(before, after, lab)
+    with opened_original(before) as first, opened_original(after) as second:
+        comparison = compare_stages(first, second, lab)
+    named = replace(comparison.diff, before=str(before), after=str(after))
+    comparison = replace(comparison, diff=named)
     if pictures is not None:
         from lab3_usd.report.picture.svg import svg_file
 
@@ -85,6 +96,24 @@ def command(
         click.echo("\n".join(diff.lines(comparison.diff, terminal_width())))
     if comparison.diff.changes:
         sys.exit(EXIT_FOUND)
+
+
+@contextmanager
+def opened_original(path: Path) -> Iterator[Path]:
+    """Give what `lab3 fix` kept as NAME.orig the ending of a stage, beside it, for a while."""
+    original = original_of(path)
+    if original is None or not path.is_file():
+        yield path
+        return
+    try:
+        copy = temporary_beside(path, original.suffix)
+    except OSError as error:
+        raise unwritten(path, error) from error
+    try:
+        copy.write_bytes(path.read_bytes())
+        yield copy
+    finally:
+        copy.unlink()
 
 
 def _pictures(comparison: Comparison) -> Iterator[tuple[str, Picture]]:

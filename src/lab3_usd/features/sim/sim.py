@@ -109,6 +109,8 @@ def _judge(
         html = render(behaviour, run.replays, lab, findings)
         write_whole(asked.page, html.encode("utf-8", "replace"), force=True)
     is_json = asked.form == "json"
+    if behaviour.verdict == "unreadable" and not is_json:
+        raise UsageError("; ".join(f"{stage}: {part.reason}" for part in behaviour.not_simulated))
     if is_json:
         click.echo(text.render_json(behaviour, findings), nl=False)
     else:

@@ -286,7 +286,10 @@ def _status(
         return "empty", because or "holds no stage of a checkpoint"
     if all(staged.digests.get(result.path) == _EMPTY for result in judged.results):
         number = len(judged.results)
-        return "unreadable", f"{number} stage{'s' * (number > 1)} of 0 bytes: {PLACEHOLDER}"
+        return (
+            "unreadable",
+            f"{number} stage{'s' * (number > 1)} of 0 bytes: {PLACEHOLDER}; hand in the file",
+        )
     crashes = _crashes(judged)
     if any(crash.error.startswith(MemoryError.__name__) for _, crash in crashes):
         raise MemoryError  # in a rule, which is not at fault

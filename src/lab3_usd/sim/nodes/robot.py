@@ -197,7 +197,9 @@ def _command(node: NodeInstance, world: World, joints: list[Joint]) -> bool:
     for targets in (position, velocity, effort):
         if targets and len(targets) != len(joints):
             return node.fails(
-                f"{len(targets)} commands come for {len(joints)} joints", "wrong-command-count"
+                f"{len(targets)} command{'s come' if len(targets) > 1 else ' comes'} for "
+                f"{len(joints)} joint{'s' if len(joints) != 1 else ''}",
+                "wrong-command-count",
             )
         if not are_numbers(targets):
             return node.fails("its commands are not numbers", "non-numeric-command")

@@ -30,6 +30,8 @@ ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 _ENDINGS_BY_START = {b"#usda": (".usda", ".usd"), b"PXR-U": (".usd", ".usdc")}
 _MOST_OPEN = 2
 TEXT = b"#usda"
+_BINARY = (CRATE, PACKAGE, codecs.BOM_UTF8)
+_AGAIN = "save the stage again, or name another file"
 # How text of more than one byte a letter begins, as PowerShell and Notepad save it; the longest
 # marks first.
 _WIDE = (
@@ -45,7 +47,7 @@ _ASSETS = re.compile(rb"@([^@\n]+)@")
 _MOST_SEARCHED = 20_000  # specs, a tenth of a second
 _LARGEST_SEARCHED = 20_000_000  # bytes of a package
 # What a file of 0 bytes is, as far as anybody can tell.
-PLACEHOLDER = "a placeholder of OneDrive or iCloud, or a failed save; hand in the file itself"
+PLACEHOLDER = "a placeholder of OneDrive or iCloud, or a failed save"
 
 
 def _open(path: Path) -> Usd.Stage:
@@ -209,6 +211,10 @@ def check_file(path: Path) -> None:
                 raise StageError(f"{path}: is text in {encoding}", repair="save it again as UTF-8")
             if start.startswith(TEXT):
                 _check_text(path, start + file.read())
+            elif start and not start.startswith(_BINARY):
+                raise StageError(
+                    f"{path}: is not USD: it does not begin with '#usda'", repair=_AGAIN
+                )
             else:
                 _check_tables(path, file, start)
     except PermissionError as error:
@@ -217,7 +223,8 @@ def check_file(path: Path) -> None:
     except OSError as error:
         raise StageError(f"{path}: cannot be read ({error.strerror})") from error
     if not start:
-        raise StageError(f"{path}: is empty: {PLACEHOLDER}")
+        repair = "open it once, so that it is downloaded, or save the stage again"
+        raise StageError(f"{path}: is empty: {PLACEHOLDER}", repair=repair)
 
 
 def _check_kind(path: Path) -> None:
@@ -236,7 +243,7 @@ def _check_kind(path: Path) -> None:
     if stat.S_ISDIR(kind):
         os.scandir(path).close()
     if not stat.S_ISREG(kind):
-        raise StageError(f"{path}: is not a file")
+        raise StageError(f"{path}: is not a file", repair="name a stage, or a folder with some")
 
 
 def check_layers_below(path: Path) -> None:
@@ -324,7 +331,7 @@ def _other_ending(path: Path, start: bytes) -> StageError:
             "build"
         )
     if not endings:
-        return StageError(f"{text}, and the content is not USD")
+        return StageError(f"{text}, and the content is not USD", repair="name a stage")
     stem = inner.stem if inner.suffix.lower() in ENDINGS else inner.name
     name = inner.name if inner.suffix.lower() in endings else f"{stem}{endings[0]}"
     return StageError(text, repair=f"rename the file to {name}")

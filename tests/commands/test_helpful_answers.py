@@ -1,0 +1,129 @@
+"""Answers to what people try first: each says what to do instead."""
+
+from __future__ import annotations
+
+import re
+from pathlib import Path
+
+import pytest
+from in_process import lab3
+from places import REPOSITORY
+
+CARTER = REPOSITORY / "docs" / "examples" / "carter.usda"
+OF_A_COURSE = ("older copy", "hand in", "checkpoint")
+
+
+def answer(*arguments: object) -> str:
+    """Return what is printed, to either stream, in one line."""
+    printed = lab3(*arguments)
+    assert printed.returncode != 0
+    return re.sub(r"\s+", " ", printed.stdout + printed.stderr)
+
+
+@pytest.fixture
+def carter(tmp_path: Path) -> Path:
+    path = tmp_path / "carter.usda"
+    path.write_bytes(CARTER.read_bytes())
+    return path
+
+
+@pytest.mark.parametrize(
+    ("name", "content", "words"),
+    [
+        ("note.usda", b"hello\n", "is not USD"),
+        ("note.txt", b"hello\n", "'.txt' is not a USD ending"),
+        ("empty.usda", b"", "is empty"),
+    ],
+)
+def test_what_is_no_stage_is_said_in_no_words_of_a_course(
+    name: str, content: bytes, words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / name
+    path.write_bytes(content)
+    said = answer("lint", path)
+    assert words in said
+    assert not [word for word in OF_A_COURSE if word in said]
+
+
+def test_a_device_is_no_stage() -> None:
+    said = answer("lint", "/dev/null")
+    assert "is not a file hint name a stage, or a folder with some" in said
+
+
+def test_a_student_is_still_told_to_go_back() -> None:
+    path = REPOSITORY / "tests" / "golden" / "grade" / "report.json"
+    assert "older copy" in path.read_text(encoding="utf-8")
+
+
+def test_an_address_keeps_its_slashes() -> None:
+    said = answer("lint", "https://example.com/robots/a.usd")
+    assert "https://example.com/robots/a.usd: is an address" in said
+
+
+def test_an_original_is_compared_with_what_was_repaired(carter: Path) -> None:
+    lab3("fix", "--lint", carter, "--in-place")
+    original = carter.with_name("carter.usda.orig")
+    files = sorted(carter.parent.iterdir())
+    printed = lab3("diff", original, carter)
+    assert printed.stdout.startswith(f"{original} -> {carter}: ")
+    assert lab3("diff", original, original).returncode == 0
+    assert sorted(carter.parent.iterdir()) == files
+
+
+def test_another_file_of_no_usd_ending_is_not_compared(carter: Path) -> None:
+    copy = carter.rename(carter.with_name("carter.txt"))
+    assert "rename the file to carter.usda" in answer("diff", copy, CARTER)
+
+
+@pytest.mark.parametrize("options", [("--unsafe",), ("--in-place",), ("--diff", "--unsafe")])
+def test_options_of_repairs_go_with_fix(options: tuple[str, ...], carter: Path) -> None:
+    assert "go with --fix" in answer("lint", carter, *options)
+
+
+def test_lint_makes_the_likely_repairs_that_fix_makes(carter: Path) -> None:
+    by_lint = lab3("lint", carter, "--fix", "--unsafe", "--diff").stdout
+    assert by_lint == lab3("fix", "--lint", carter, "--unsafe", "--diff").stdout
+    assert by_lint != lab3("lint", carter, "--fix", "--diff").stdout
+
+
+def test_what_is_no_baseline_names_no_other_command(carter: Path) -> None:
+    path = carter.with_name("bad.json")
+    path.write_text("{")
+    assert "is not a baseline, as --write-baseline writes one" in answer(
+        "lint", "--baseline", path, carter
+    )
+
+
+def test_bytes_of_a_configuration_are_named_by_their_line(carter: Path) -> None:
+    path = carter.with_name("lab3.toml")
+    path.write_bytes(b'color = "never"\nselect = ["K\xff"]\n')
+    assert f"{path}: is not UTF-8 text: line 2 holds the byte 0xff" in answer("lint", carter)
+
+
+def test_bytes_of_a_script_are_named_by_their_line(tmp_path: Path) -> None:
+    path = tmp_path / "robot.py"
+    path.write_bytes(b"import omni.graph.core as og\n# caf\xe9\nog.Controller.edit('/G', {})\n")
+    said = answer("lint", path)
+    assert "is not UTF-8 text: line 2 holds the byte 0xe9" in said
+    assert "name its encoding in the first line" in said
+
+
+@pytest.mark.parametrize("command", ["sim", "bag"])
+def test_what_cannot_be_played_is_an_error(command: str, tmp_path: Path) -> None:
+    printed = lab3(command, tmp_path / "nosuch")
+    assert (printed.returncode, printed.stdout) == (2, "")
+    assert "nosuch" in printed.stderr
+
+
+def test_a_rule_of_ones_own_that_fails_names_its_line(carter: Path) -> None:
+    carter.with_name("house.py").write_text(
+        "from lab3_usd.own_rules import own_rule\n\n\n"
+        '@own_rule("ACME01", "broken")\n'
+        "def broken(subject):\n"
+        '    """It fails."""\n'
+        "    yield 1 / 0\n"
+    )
+    config = carter.with_name("lab3.toml")
+    config.write_text('rules = ["house.py"]\n')
+    said = answer("lint", "--config", config, carter)
+    assert "ZeroDivisionError: division by zero, at house.py:7" in said
