@@ -161,9 +161,9 @@ def test_a_rule_that_crashes_is_never_a_pass(tmp_path: Path) -> None:
     add_failing_rule("W99", "graph", KeyError, "no such thing")
     path = saved(correct_stage("01"), tmp_path / "Lab3_01.usda")
     result = check_stage(path)
-    assert [(crash.rule, crash.error) for crash in result.crashes] == [
-        ("W99", "KeyError: 'no such thing'")
-    ]
+    (crash,) = result.crashes
+    assert crash.rule == "W99"
+    assert crash.error.startswith("KeyError: 'no such thing', at own_rules.py:")
     assert result.verdict == "fail"
 
 
