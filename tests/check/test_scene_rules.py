@@ -65,6 +65,8 @@ ELSEWHERE = {
     "C11",
     "L12",
     "L13",  # the bundled lab has one lidar
+    "S35",  # it takes nothing away
+    "S36",  # it asks for no props
     "F02",
     "F03",
     "S16",

@@ -119,6 +119,7 @@ PARTS: Mapping[str, Callable[[Lab], bool]] = {
     "guarded root": lambda lab: bool(lab.frames.guarded),
     "forbidden transform": lambda lab: bool(lab.frames.forbidden_transforms),
     "removals": lambda lab: any(point.removed for point in lab.checkpoints.values()),
+    "props": lambda lab: bool(lab.scene.props),
     "navigation": lambda lab: lab.ros.navigation is not None,
     "goal": lambda lab: lab.ros.goal is not None,
     "running system": lambda lab: bool(lab.topics),

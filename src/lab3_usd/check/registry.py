@@ -88,6 +88,7 @@ MODULES = {
         "wheel_drives",
         "world",
         "removed_prims",
+        "props",
         "any_physics",
         "any_stances",
     ),

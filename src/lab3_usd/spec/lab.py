@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, RosSpec, TopicSpec
-from lab3_usd.spec.scene import RobotSpec, SceneSpec, SensorSpec, stands_within
+from lab3_usd.spec.scene import PropSpec, RobotSpec, SceneSpec, SensorSpec, stands_within
 from lab3_usd.spec.submission import SubmissionSpec
 
 CATALOG = "node_types.yaml"
@@ -303,7 +303,7 @@ class Lab(Struct, frozen=True, eq=False):
         topics = tuple(self.topics_until(checkpoint.id))
         graphs = self.at(checkpoint.id).graphs
         asked = tuple((name, tuple(graphs[name].nodes.values())) for name in checkpoint.graphs)
-        removed = checkpoint.removed
+        removed = (checkpoint.removed, *self.props_at(checkpoint))
         return (asked, checkpoint.sensors, topics, flags, may_have_driven, is_first, removed)
 
     def at(self, checkpoint: str) -> Lab:
@@ -337,6 +337,13 @@ class Lab(Struct, frozen=True, eq=False):
     def topics(self) -> Mapping[str, TopicSpec]:
         """The topics of the running system by name, with their message types and QoS."""
         return self.ros.topics
+
+    def props_at(self, checkpoint: Checkpoint) -> dict[str, PropSpec]:
+        """Return the things of the scene at a checkpoint, without those that it has removed."""
+        known = (FROM_THE_FIRST, *self.reached(checkpoint.id))
+        props = self.scene.props.items()
+        there = ((name, prop) for name, prop in props if prop.since in known)
+        return {name: prop for name, prop in there if not checkpoint.is_removed(prop.path)}
 
     def topics_until(self, checkpoint: str) -> dict[str, TopicSpec]:
         """Return the topics that are there by a checkpoint."""

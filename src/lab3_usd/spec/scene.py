@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
 
@@ -25,12 +26,13 @@ def stands_within(path: str, top: str) -> bool:
 
 
 class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
-    """Up axis and units of a stage."""
+    """Up axis and units of a stage, and its default prim, where one is asked for."""
 
     handout: str
     up_axis: Literal["Y", "Z"]
     meters_per_unit: Unit
     kilograms_per_unit: Unit
+    default_prim: str = ""
 
 
 class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
@@ -355,6 +357,44 @@ class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
         }
 
 
+class PropSpec(
+    Struct, frozen=True, forbid_unknown_fields=True, rename={"since": "from", "values": "set"}
+):
+    """Things of a scene, by a path with `*`: `count` of them, at least one without it.
+
+    They have `apis`, `targets` and values (`set`, as USD has them): `racks: {path: /Hall/Rack_*,
+    count: 4, apis: ["SemanticsLabelsAPI:class"], targets: {"material:binding": [/Hall/Steel]}, set:
+    {"semantics:labels:class": {type: "token[]", value: [rack]}}}`. What they refer to can be found
+    if they are `resolved`. Those `from` a checkpoint on `build` makes, where the path has no `*`.
+    """
+
+    path: str
+    handout: str
+    type: str = ""
+    count: int | None = None
+    apis: tuple[str, ...] = ()
+    targets: Mapping[str, tuple[str, ...]] = {}
+    values: Mapping[str, Any] = {}
+    resolved: bool = False
+    since: str = ""
+
+    def stands_at(self, path: str) -> bool:
+        """Whether a prim is one of them: `*` stands for letters of one name."""
+        pattern, names = self.path.split("/"), path.split("/")
+        return len(pattern) == len(names) and all(map(fnmatchcase, names, pattern))
+
+    @property
+    def plain_values(self) -> dict[str, Any]:
+        """The values by name, without their types."""
+        return {name: _plain(value) for name, value in self.values.items()}
+
+
+def _plain(value: Any) -> Any:
+    """Return a value as it is read of a stage, without the type that stands beside it."""
+    value = value["value"] if isinstance(value, Mapping) else value
+    return tuple(map(_plain, value)) if isinstance(value, (list, tuple)) else value
+
+
 class SceneSpec(Struct, frozen=True):
     """The scene: units, robots, sensors, world and map."""
 
@@ -366,6 +406,7 @@ class SceneSpec(Struct, frozen=True):
     sensors: Mapping[str, SensorSpec] = {}
     map: MapFacts | None = None
     namespaces: Mapping[str, str] = {}
+    props: Mapping[str, PropSpec] = {}
 
     @property
     def robot(self) -> RobotSpec:

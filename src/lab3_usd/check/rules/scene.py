@@ -132,6 +132,8 @@ def _units(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
         "metersPerUnit": f"{spec.meters_per_unit:g} m per unit",
         "kilogramsPerUnit": f"{spec.kilograms_per_unit:g} kg per unit",
     }
+    if spec.default_prim:
+        titles["defaultPrim"] = f"default prim {spec.default_prim}"
     for name, title in titles.items():
         yield Demand(f"Scene/stage/{name}", title, "/", spec.handout)
 
@@ -159,6 +161,9 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     is_turned = stage.up_axis != wanted.up_axis
     wrong: list[tuple[str, str, str]] = []
     wrong += [("upAxis", stage.up_axis, wanted.up_axis)] if is_turned else []
+    default = stage.default_prim.removeprefix("/")
+    if wanted.default_prim not in ("", default):
+        wrong.append(("defaultPrim", default or "not set", wanted.default_prim))
     wrong += [
         (name, f"{unit:g}", f"{right:g}")
         for name, (unit, right) in units.items()

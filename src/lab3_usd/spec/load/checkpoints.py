@@ -21,14 +21,16 @@ from lab3_usd.spec.lab import (
     Policy,
 )
 from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
-from lab3_usd.spec.scene import SceneSpec
+from lab3_usd.spec.scene import PropSpec, SceneSpec
 from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import as_record
 
 FORMAT = 1  # of the files of a lab; what is older than that has no number
 _PLACEHOLDERS = ("{id}", "{name}", TEAM)
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
-_Since = TypeVar("_Since", TopicSpec, HandoutReference, GoalSpec, Command, LocalizationSpec)
+_Since = TypeVar(
+    "_Since", TopicSpec, HandoutReference, GoalSpec, Command, LocalizationSpec, PropSpec
+)
 
 
 def is_checkpoint_id(text: str) -> bool:
@@ -252,6 +254,7 @@ def by_ids(lab: Lab) -> Lab:
                 replace(robot, pose_is_error_until=named(robot.pose_is_error_until))
                 for robot in lab.scene.robots
             ),
+            props={name: since(prop) for name, prop in lab.scene.props.items()},
         ),
         ros=replace(
             ros,

@@ -23,6 +23,7 @@ from lab3_usd.spec.load.graph import parse_graph
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import (
     ForbiddenPrims,
+    PropSpec,
     RobotSpec,
     SceneSpec,
     SensorSpec,
@@ -141,7 +142,7 @@ class SceneFile(Struct, forbid_unknown_fields=True):
     """The scene: units, robots, sensors, world and map.
 
     `robots` are described by name; `robot` is the only one, without a name. A course of scenes has
-    neither. `namespaces` are those that prims give to the topics of what is below them
+    neither, but `props`. `namespaces` are those that prims give to the topics of what is below them
     (`isaac:namespace`), by path.
     """
 
@@ -153,6 +154,7 @@ class SceneFile(Struct, forbid_unknown_fields=True):
     forbidden: ForbiddenPrims = ForbiddenPrims()
     sensors: dict[str, SensorSpec] = {}
     namespaces: dict[str, str] = {}
+    props: dict[str, PropSpec] = {}
     map: ros.MapFacts | None = None
 
 
@@ -186,6 +188,7 @@ def parse_scene(data: Mapping[str, Any]) -> SceneSpec:
         sensors=sensors,
         map=scene.map,
         namespaces=scene.namespaces,
+        props=scene.props,
     )
 
 
@@ -336,6 +339,7 @@ def _with_sensors(platform: Platform, scene: SceneSpec) -> Platform:
     sensors = scene.sensors.values()
     types = {sensor.type for sensor in sensors}
     attributes = {name for sensor in sensors for name in sensor.attributes}
+    attributes |= {n for prop in scene.props.values() for n in (*prop.values, *prop.targets)}
     return replace(
         platform,
         placed=platform.placed | types,

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -11,8 +11,10 @@ from msgspec.structs import replace
 from pxr import Usd, UsdGeom
 
 from lab3_usd.model.changes import Change, StarterSubject
+from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import UnresolvedAsset
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.scene import PropSpec
 from lab3_usd.spec.submission import StarterRules
 from lab3_usd.stage.compare.pairs import (
     PRESENT,
@@ -76,8 +78,16 @@ def compare_starter(
     key = ("changes", id(before), id(after), terms.bodies_rest)
     changes = cached(key, lambda: tuple(_changes(comparison)))
     point = lab.checkpoints[checkpoint]
-    kept = (change for change in changes if not point.is_removed(change.prim))
-    return StarterSubject(rules, tuple(kept) if point.removed else changes)
+    added = [prop for prop in lab.props_at(point).values() if prop.since]
+    kept = (change for change in changes if not _is_asked(change.prim, point, added))
+    return StarterSubject(rules, tuple(kept) if point.removed or added else changes)
+
+
+def _is_asked(path: str, checkpoint: Checkpoint, added: Iterable[PropSpec]) -> bool:
+    """Whether a checkpoint takes a prim away, or adds one there or above."""
+    above = [*upwards(path)]
+    is_added = any(prop.stands_at(each) for prop in added for each in above)
+    return is_added or checkpoint.is_removed(path)
 
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:

@@ -18,11 +18,17 @@ from lab3_usd.model.physics import MASS
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec
 from lab3_usd.spec.submission import example_of
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.write.graphs import author_graph, author_pose, author_sensor, define_parents
-from lab3_usd.stage.write.starter import robots_articulated_at_root, starter_layer, starter_problems
+from lab3_usd.stage.write.starter import (
+    robots_articulated_at_root,
+    starter_layer,
+    starter_problems,
+    write_prim,
+)
 
 _URI = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")
 LIDAR = "lidar"
@@ -208,12 +214,33 @@ def _checkpoint_layers(
                     del former.nameParent.nameChildren[former.name]
                 author_graph(layer, graphs[name].graph, lab.platform)
                 _author_names(layer, lab, path)
+        _author_props(layer, lab, checkpoint)
         if not checkpoint.optional:
             before = graphs
         if checkpoint.id in targets:
             yield targets.pop(checkpoint.id), layer
             if not targets:
                 return
+
+
+def _author_props(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint) -> None:
+    """Make the things that come with a checkpoint and have a path of their own."""
+    props = lab.props_at(checkpoint).values()
+    new = [prop for prop in props if prop.since == checkpoint.id and "*" not in prop.path]
+    stage = Usd.Stage.Open(layer) if new else None
+    for prop in new:
+        values = (
+            (name, v if isinstance(v, Mapping) else {"value": v}) for name, v in prop.values.items()
+        )
+        attributes = tuple(AttributeSpec(n, v["value"], v.get("type")) for n, v in values)
+        spec = PrimSpec(
+            prop.path,
+            prop.type or "Xform",
+            apis=prop.apis,
+            attributes=attributes,
+            targets=tuple(prop.targets.items()),
+        )
+        write_prim(stage, spec, lab.scene.stage.meters_per_unit)
 
 
 def _remove(layer: Sdf.Layer, stage: Usd.Stage, path: str) -> None:

@@ -179,7 +179,7 @@ def starter_layer(folder: Path) -> Sdf.Layer:
     layer.documentation = spec.doc
     layer.defaultPrim = spec.default_prim
     for prim in spec.prims:
-        _write_prim(stage, prim, spec.units.meters_per_unit)
+        write_prim(stage, prim, spec.units.meters_per_unit)
     for prim in spec.prims:
         if prim.over:
             # Defining a shape has defined everything above it.
@@ -190,7 +190,7 @@ def starter_layer(folder: Path) -> Sdf.Layer:
     return layer
 
 
-def _write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
+def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
     """Write a prim of a stage whose unit has a length of `metres`."""
     prim = stage.OverridePrim(spec.path) if spec.over else stage.DefinePrim(spec.path, spec.type)
     if spec.doc:

@@ -1,0 +1,174 @@
+"""Things of a scene that a course asks for: number, schemas, materials, labels, values."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+
+import pytest
+from invoking import invoke
+from pxr import Sdf, Usd
+
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.spec.load.loader import load_lab
+
+HALL = """#usda 1.0
+(
+    defaultPrim = "Hall"
+    metersPerUnit = 1
+    upAxis = "Z"
+)
+def Xform "Hall"
+{
+    def Cube "Rack_1"
+    {
+    }
+    def Cube "Rack_2"
+    {
+    }
+    def Scope "Looks"
+    {
+        def Material "Steel"
+        {
+        }
+    }
+}
+"""
+PROPS = """
+props:
+  racks:
+    path: /Hall/Rack_*
+    type: Cube
+    count: 2
+    handout: B1
+    apis: [PhysicsCollisionAPI, MaterialBindingAPI]
+    targets: {"material:binding": [/Hall/Looks/Steel]}
+    set: {"semantics:labels:class": {type: "token[]", value: [rack]}}
+    from: furnished
+  lamp:
+    path: /Hall/Lamp
+    type: SphereLight
+    handout: B2
+    set: {"inputs:intensity": 900.0}
+    from: furnished
+"""
+Change = Callable[[Usd.Stage], object]
+
+
+def furnished(stage: Usd.Stage) -> None:
+    """Do what the second milestone asks for."""
+    for number in (1, 2):
+        rack = stage.GetPrimAtPath(f"/Hall/Rack_{number}")
+        rack.AddAppliedSchema("PhysicsCollisionAPI")
+        rack.AddAppliedSchema("MaterialBindingAPI")
+        rack.CreateRelationship("material:binding").SetTargets([Sdf.Path("/Hall/Looks/Steel")])
+        rack.CreateAttribute("semantics:labels:class", Sdf.ValueTypeNames.TokenArray).Set(["rack"])
+    lamp = stage.DefinePrim("/Hall/Lamp", "SphereLight")
+    lamp.CreateAttribute("inputs:intensity", Sdf.ValueTypeNames.Float).Set(900.0)
+
+
+@pytest.fixture
+def folder(tmp_path: Path) -> Path:
+    """A lab of two milestones whose second one furnishes the hall, and its solutions."""
+    for name in ("empty", "furnished"):
+        (tmp_path / f"hall_{name}.usda").write_text(HALL)
+    stage = Usd.Stage.Open(str(tmp_path / "hall_furnished.usda"))
+    furnished(stage)
+    stage.Save()
+    stages = (tmp_path / "hall_empty.usda", tmp_path / "hall_furnished.usda")
+    told = invoke("lab", "new", tmp_path / "lab", *stages)
+    assert told.exit_code == 0, told.output
+    scene = tmp_path / "lab" / "scene.yaml"
+    units = scene.read_text().replace("up_axis: Z,", "up_axis: Z, default_prim: Hall,")
+    scene.write_text(units + PROPS)
+    return tmp_path
+
+
+def found(folder: Path, name: str, change: Change) -> list[tuple[str, str, str | None]]:
+    path = folder / f"hall_{name}.usda"
+    stage = Usd.Stage.Open(str(path))
+    change(stage)
+    stage.Save()
+    findings = check_stage(path, lab=load_lab(folder / "lab")).findings
+    return [(each.rule, each.prim, each.property) for each in findings]
+
+
+@pytest.mark.parametrize("name", ["empty", "furnished"])
+def test_the_solutions_pass(folder: Path, name: str) -> None:
+    assert found(folder, name, lambda _: None) == []
+
+
+def without(path: str) -> Change:
+    return lambda stage: stage.RemovePrim(path)
+
+
+def bound_to(path: str) -> Change:
+    def change(stage: Usd.Stage) -> None:
+        binding = stage.GetPrimAtPath("/Hall/Rack_1").GetRelationship("material:binding")
+        binding.SetTargets([Sdf.Path(path)])
+
+    return change
+
+
+RACK = "/Hall/Rack_1"
+LABELS, BINDING = "semantics:labels:class", "material:binding"
+MISTAKES: dict[str, tuple[Change, tuple[str, str, str | None]]] = {
+    "too few": (without("/Hall/Rack_2"), ("S36", "/Hall/Rack_*", None)),
+    "too many": (
+        lambda stage: stage.DefinePrim("/Hall/Rack_3", "Cube"),
+        ("S36", "/Hall/Rack_*", None),
+    ),
+    "another type": (
+        lambda s: s.GetPrimAtPath("/Hall/Lamp").SetTypeName("DiskLight"),
+        ("S36", "/Hall/Lamp", None),
+    ),
+    "no lamp": (without("/Hall/Lamp"), ("S36", "/Hall/Lamp", None)),
+    "another material": (bound_to("/Hall/Looks/Wood"), ("S36", RACK, BINDING)),
+    "no schema": (
+        lambda stage: stage.GetPrimAtPath(RACK).RemoveAppliedSchema("PhysicsCollisionAPI"),
+        ("S36", RACK, "PhysicsCollisionAPI"),
+    ),
+    "another label": (
+        lambda stage: stage.GetPrimAtPath(RACK).GetAttribute(LABELS).Set(["shelf"]),
+        ("S36", RACK, LABELS),
+    ),
+    "a dark lamp": (
+        lambda stage: stage.GetPrimAtPath("/Hall/Lamp").GetAttribute("inputs:intensity").Set(9.0),
+        ("S36", "/Hall/Lamp", "inputs:intensity"),
+    ),
+    "another default prim": (lambda stage: stage.ClearDefaultPrim(), ("S02", "/", "defaultPrim")),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_each_mistake_is_found_once(folder: Path, mistake: str) -> None:
+    change, expected = MISTAKES[mistake]
+    rack_three = [each for each in found(folder, "furnished", change) if each[1] != "/Hall/Rack_3"]
+    assert rack_three == [expected]
+
+
+def test_what_a_milestone_adds_is_built(folder: Path) -> None:
+    out = folder / "built"
+    made = invoke("--lab", folder / "lab", "build", "--out", out, "--through", "furnished")
+    assert made.exit_code == 0, made.output
+    stage = Usd.Stage.Open(str(out / "hall_furnished.usda"))
+    assert stage.GetPrimAtPath("/Hall/Lamp").GetAttribute("inputs:intensity").Get() == 900.0
+
+
+def test_what_a_milestone_adds_is_no_change_of_the_starter(folder: Path) -> None:
+    starter, stage = folder / "hall_empty.usda", folder / "hall_furnished.usda"
+    told = invoke("--lab", folder / "lab", "check", "--starter", starter, stage, "--quiet")
+    assert told.exit_code == 0, told.output
+
+
+def test_a_reference_that_cannot_be_found_is_an_error_where_the_course_says_so(
+    folder: Path,
+) -> None:
+    scene = folder / "lab" / "scene.yaml"
+    scene.write_text(scene.read_text().replace("    type: Cube\n", "    resolved: true\n"))
+
+    def refers(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath(RACK).GetReferences().AddReference("./gone.usd")
+
+    told = [each for each in found(folder, "furnished", refers) if each[0] == "S36"]
+    assert told == [("S36", RACK, None)]
