@@ -27,8 +27,14 @@ from grade_files import LAB, stage, starter
 
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.grade.workers.messages import FAILED_OVER_IT, PROGRAM, PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.grade.workers.worker_messages import (
+    FAILED_OVER_IT,
+    PROGRAM,
+    PoolSettings,
+    Task,
+    status_of,
+)
 from lab3_usd.stage.write.builder import BuildOptions, build_files
 
 BATCH = 500

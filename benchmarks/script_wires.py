@@ -24,7 +24,7 @@ from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 TAGS = {"5.0": "v5.0.0", "5.1": "v5.1.0", "6.0": "v6.0.1"}
 RULES = ("K21", "K22")

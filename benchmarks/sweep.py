@@ -28,7 +28,7 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Checkpoint
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.stage.write.builder import build_checkpoint
 
 # Parts B and F press Play and then save: what lies below the robot has moved by then.

@@ -37,7 +37,7 @@ from lab3_usd.isaac.sensor_models import LongList
 from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab, load_platform
-from lab3_usd.stage.read.native import native_errors
+from lab3_usd.stage.read.native_validators import native_errors
 
 TESTS = Path(__file__).resolve().parents[1] / "tests"
 PAGE = Path(__file__).with_name("lint-corpus.md")

@@ -37,8 +37,8 @@ if TYPE_CHECKING:
     from lab3_usd.model.finding import Finding, Report, Requirement, Score, StageResult
     from lab3_usd.pipeline.stage import check_stage
     from lab3_usd.spec.load.loader import load_lab, load_platform
-    from lab3_usd.stage.read.reader import read_stage
     from lab3_usd.stage.read.server_assets import assets_at
+    from lab3_usd.stage.read.stage_reader import read_stage
     from lab3_usd.stage.write.builder import build_checkpoint
     from lab3_usd.stage.write.starter import build_starter
 
@@ -65,7 +65,7 @@ _HOMES = {
     "load_lab": "lab3_usd.spec.load.loader",
     "load_platform": "lab3_usd.spec.load.loader",
     "published_edges": "lab3_usd.facts.frames",
-    "read_stage": "lab3_usd.stage.read.reader",
+    "read_stage": "lab3_usd.stage.read.stage_reader",
 }
 
 __all__ = [

@@ -20,7 +20,7 @@ from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.compare.scenes import metadata_changes, scene_changes
 from lab3_usd.stage.read.opening import open_stage, stage_errors
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 _ALIKE = 0.5  # the share of node types that tells a graph under another name
 

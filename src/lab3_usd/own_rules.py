@@ -39,7 +39,7 @@ from lab3_usd.model.changes import (
 from lab3_usd.model.finding import Problem
 from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.read.opening import open_stage
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.yaml_file import as_record, read_yaml
 
 __all__ = [

@@ -20,7 +20,7 @@ from pxr import Gf, UsdGeom, UsdPhysics
 
 from lab3_usd.facts.robots import Robot, robots
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.read.stage_reader import read_stage
 
 
 def robots_of(path: Path) -> tuple[Robot, ...]:

@@ -23,12 +23,12 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lab3_usd.check.registry import rules_of
 from lab3_usd.deliverables.maps import opens_all
-from lab3_usd.deliverables.submission import entries_below
+from lab3_usd.deliverables.submission_files import entries_below
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
-from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import grade_submission
+from lab3_usd.grade.workers.worker_messages import PoolSettings, Task
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import (

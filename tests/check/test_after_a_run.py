@@ -26,7 +26,7 @@ from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.finding import Finding
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 BASE = f"{ROBOT}/base_footprint"
 LEFT = f"{JOINTS}/wheel_left_joint"

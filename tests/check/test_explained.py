@@ -12,7 +12,7 @@ from places import SHARED
 
 from lab3_usd.check.checker import judge
 from lab3_usd.model.stage import StageModel
-from lab3_usd.stage.read.reader import read_model, read_stage
+from lab3_usd.stage.read.stage_reader import read_model, read_stage
 
 CORPUS = SHARED / "corpus"
 FILES = sorted(path for path in CORPUS.rglob("*") if path.suffix in {".usd", ".usda", ".usdc"})

@@ -17,7 +17,7 @@ from lab3_usd.facts.frames import (
 )
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import GraphModel, PortState, StageModel, UnresolvedAsset
-from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.read.stage_reader import read_stage
 from lab3_usd.stage.write.builder import build_checkpoint
 
 TF = ("/tf", "/tf_static")

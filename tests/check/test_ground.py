@@ -6,7 +6,7 @@ import pytest
 from scene_changes import FLOOR, Change, define, several, slab, switch, weld, with_api, without_api
 from scene_stages import built, findings_of, told, told_after
 
-from lab3_usd.stage.compare.values import applied_schemas
+from lab3_usd.stage.compare.value_terms import applied_schemas
 
 SLAB, BODY, KINEMATIC = "/World/Slab", "PhysicsRigidBodyAPI", "physics:kinematicEnabled"
 FALLS = {

@@ -33,8 +33,8 @@ from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.robots import expected_of
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.scene import read_scene
+from lab3_usd.stage.read.stage_reader import read_model
 
 SOURCE = str(Path(lab3_usd.__file__).parent)
 FEW = 1

@@ -18,9 +18,9 @@ from report_schema import assert_valid
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import grade_submission
 from lab3_usd.grade.workers.worker_main import load_setup
+from lab3_usd.grade.workers.worker_messages import PoolSettings, Task
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.stage.write.starter import build_starter
 

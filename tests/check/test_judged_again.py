@@ -10,7 +10,7 @@ from pxr import Usd, UsdGeom
 from lab3_usd.check.checker import judge
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.stage import StageModel
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 PROFILE: list[Step] = [
     {"node": ["ROS_Clock/profile", "isaacsim.ros2.bridge.ROS2QoSProfile"]},

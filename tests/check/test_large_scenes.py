@@ -17,7 +17,7 @@ from pxr import Sdf, Usd
 from lab3_usd.check.checker import judge
 from lab3_usd.pipeline.stage import judge_open_stage
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.stage.write.builder import build_checkpoint
 
 LAB = load_lab()

@@ -23,7 +23,7 @@ from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.entries import site
 from lab3_usd.spec.load.loader import load_platform
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 EXAMPLE = REPOSITORY / "docs" / "examples" / "carter.usda"
 JUDGED = TESTS / "lint_judged.yaml"

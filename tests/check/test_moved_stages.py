@@ -16,7 +16,7 @@ from lab3_usd.facts.saved_releases import saved_by
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_linted
 from lab3_usd.model.finding import ordered
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 TIME, CLOCK, GRAPH = "/World/Clock/time", "/World/Clock/clock", "/World/Clock"
 LIDAR, HELPER, MOVE = "/World/Rover/chassis/laser", "/World/Lidar/helper", "/World/Drive/move"

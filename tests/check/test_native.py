@@ -17,14 +17,14 @@ from places import TESTS
 from pxr import Usd, UsdGeom, UsdValidation
 from report_schema import assert_valid
 
-import lab3_usd.stage.read.native as reading
+import lab3_usd.stage.read.native_validators as reading
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import run_family
 from lab3_usd.check.rules.native import OTHER, VALIDATORS, rule_of
 from lab3_usd.errors import UsageError
 from lab3_usd.model.native import FAMILY, NativeError, NativeErrors
 from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
-from lab3_usd.stage.read.native import native_errors
+from lab3_usd.stage.read.native_validators import native_errors
 
 EXAMPLE = TESTS.parent / "docs" / "examples" / "carter.usda"
 FAULTS: dict[str, dict[str, Any]] = quick_yaml.load(

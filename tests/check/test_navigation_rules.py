@@ -8,8 +8,8 @@ import pytest
 from golden import assert_golden, numbered, problems_text
 
 from lab3_usd.check.registry import rules_of
-from lab3_usd.deliverables.nav2 import read_params
-from lab3_usd.deliverables.scripts import PARAMS_FILE, nav2_files
+from lab3_usd.deliverables.nav2_parameters import read_params
+from lab3_usd.deliverables.nav2_templates import PARAMS_FILE, nav2_files
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import NavigationSubject
 from lab3_usd.spec.load.lab import load_ros

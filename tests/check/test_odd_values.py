@@ -16,8 +16,8 @@ from submissions import checked
 
 from lab3_usd.data import data_folder
 from lab3_usd.deliverables.maps import MapError, read_pgm
+from lab3_usd.deliverables.nav2_templates import PARAMS_FILE, nav2_files
 from lab3_usd.deliverables.plain_yaml import load_plain
-from lab3_usd.deliverables.scripts import PARAMS_FILE, nav2_files
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.json_report import dump, report_json
 from lab3_usd.spec.load.lab import load_ros

@@ -18,7 +18,7 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.read.opening import kept_open
-from lab3_usd.stage.read.reader import read_model, read_stage
+from lab3_usd.stage.read.stage_reader import read_model, read_stage
 from lab3_usd.stage.sandboxed_open import FileBounds, opening_within
 
 # Handout, parts G to I: 06 verifies QoS, 07 adds localization, 08 only navigates.

@@ -14,7 +14,7 @@ from lab3_usd.pipeline.starter_comparison import against_starter, open_starter
 from lab3_usd.stage.compare.stages import compare_starter
 from lab3_usd.stage.read import opening
 from lab3_usd.stage.read.properties import changes_after_start, hold_start_values
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
 

@@ -34,7 +34,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, Restore
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.stage.write.graphs import author_sensor
 from lab3_usd.stage.write.starter import starter_layer
 

@@ -21,7 +21,7 @@ from lab3_usd.facts.sensor_faults import SensorFault, faults_of, sensor_faults
 from lab3_usd.facts.sensor_values import sensor_values
 from lab3_usd.isaac.sensor_models import INSTANCE, LongList
 from lab3_usd.spec.load.loader import load_lab, load_platform
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 Change = Mapping[str, Any]
 SCHEMAS = SHARED / "isaac" / "sensor-schemas.json"

@@ -32,7 +32,7 @@ from submissions import (
 
 from lab3_usd.check.registry import rules_of
 from lab3_usd.data import data_folder
-from lab3_usd.deliverables import submission as listing
+from lab3_usd.deliverables import submission_files as listing
 from lab3_usd.errors import StageError
 from lab3_usd.model.finding import Report
 from lab3_usd.model.folder import SubmissionSubject

@@ -18,7 +18,7 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.qos import Qos
 from lab3_usd.model.stage import Node, PortState, StageModel
 from lab3_usd.spec.load.loader import load_platform
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.stage.write.builder import build_checkpoint
 
 LIDAR, CAMERA, INFO = "ros2_rtx_lidar_helper", "ros2_camera_helper", "ros2_camera_info_helper"

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from ros_outputs import EDGES, fake_ros2, frames_gv, good_outputs
 from saved_outputs import read_evidence
 
-from lab3_usd.deliverables.evidence.reader import MANIFEST
+from lab3_usd.deliverables.evidence.saved_outputs import MANIFEST
 from lab3_usd.errors import UsageError
 from lab3_usd.features.collect.script import collect_script
 from lab3_usd.model.folder import GoalRun

@@ -31,7 +31,7 @@ from lab3_usd.data import data_folder
 from lab3_usd.diff import compare_stages
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.changes import PARTS, StageChange, StageDiff
-from lab3_usd.report.diff import lines
+from lab3_usd.report.diff_report import lines
 from lab3_usd.report.options import tool_version
 from lab3_usd.stage.read.opening import kept_open
 

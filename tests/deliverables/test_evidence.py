@@ -39,7 +39,7 @@ from lab3_usd.deliverables.evidence.outputs import (
     parse_state,
     parse_tree,
 )
-from lab3_usd.deliverables.evidence.reader import read_listed
+from lab3_usd.deliverables.evidence.saved_outputs import read_listed
 from lab3_usd.model.folder import Evidence, GoalRun, Lookup
 from lab3_usd.spec.load.lab import load_ros
 

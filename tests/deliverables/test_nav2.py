@@ -10,7 +10,7 @@ import pytest
 import quick_yaml
 from invoking import invoke
 
-from lab3_usd.deliverables.scripts import (
+from lab3_usd.deliverables.nav2_templates import (
     LAUNCH_FILE,
     LIDAR_RVIZ_FILE,
     PARAMS_FILE,

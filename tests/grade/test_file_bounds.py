@@ -17,8 +17,8 @@ from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.assets import blocked_path, find_unresolved, original_asset
 from lab3_usd.stage.read.opening import open_stage
-from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.server_assets import assets_at
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.stage.sandboxed_open import FileBounds, files_of, memory_errors, opening_within
 
 INNER = """#usda 1.0

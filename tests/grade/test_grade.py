@@ -30,8 +30,8 @@ from lab3_usd.features.grade import grade as grade_command
 from lab3_usd.grade.class_run import ClassSettings, grade_class, salt_of
 from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task
 from lab3_usd.grade.workers.pool import run_tasks
+from lab3_usd.grade.workers.worker_messages import Answer, PoolSettings, Task
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.load.loader import load_lab
 

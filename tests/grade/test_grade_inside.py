@@ -29,7 +29,9 @@ from lab3_usd.grade.intake.scratch import make_scratch
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import machine, sandbox, worker_main, worker_process
-from lab3_usd.grade.workers.messages import (
+from lab3_usd.grade.workers.shipment import packed, unpacked
+from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
+from lab3_usd.grade.workers.worker_messages import (
     FAULT,
     Assignment,
     PoolSettings,
@@ -38,8 +40,6 @@ from lab3_usd.grade.workers.messages import (
     encode,
     status_of,
 )
-from lab3_usd.grade.workers.shipment import packed, unpacked
-from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.grade.workers.worker_process import Worker
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.options import tool_version

@@ -10,8 +10,8 @@ from lab3_usd.check.registry import all_rules
 from lab3_usd.grade.gradebook import HTML, MOST_LOST, grade_sheet, write_reports
 from lab3_usd.grade.rubric import Cap, Item, Rubric
 from lab3_usd.grade.scoring import Deduction, Grade, ItemGrade
-from lab3_usd.grade.workers.messages import Task, decoded_message, encode
 from lab3_usd.grade.workers.submission_grading import ungraded_record
+from lab3_usd.grade.workers.worker_messages import Task, decoded_message, encode
 from lab3_usd.model.finding import Finding, Report, Requirement
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options

@@ -30,7 +30,9 @@ from lab3_usd.grade.intake import scratch
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
 from lab3_usd.grade.workers import pool, worker_process
-from lab3_usd.grade.workers.messages import (
+from lab3_usd.grade.workers.pool import WorkerSlot, _after, judge_with_retries, run_tasks
+from lab3_usd.grade.workers.worker_main import _failure_text
+from lab3_usd.grade.workers.worker_messages import (
     PoolSettings,
     Reply,
     Task,
@@ -38,8 +40,6 @@ from lab3_usd.grade.workers.messages import (
     encode,
     status_of,
 )
-from lab3_usd.grade.workers.pool import WorkerSlot, _after, judge_with_retries, run_tasks
-from lab3_usd.grade.workers.worker_main import _failure_text
 from lab3_usd.grade.workers.worker_process import (
     Turn,
     Worker,
@@ -356,7 +356,7 @@ LARGE_PARENT = """
 import sys
 from pathlib import Path
 from lab3_usd.grade.workers import worker_process
-from lab3_usd.grade.workers.messages import PoolSettings, Task
+from lab3_usd.grade.workers.worker_messages import PoolSettings, Task
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.worker_process import WorkerDiedError
 large = bytearray(b"x") * (60 << 20)
@@ -465,7 +465,7 @@ def test_a_run_that_is_given_up_ends_its_workers(odd: PoolSettings) -> None:
 RUN = """
 import signal, sys, time
 from pathlib import Path
-from lab3_usd.grade.workers.messages import PoolSettings, Task
+from lab3_usd.grade.workers.worker_messages import PoolSettings, Task
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.pool import run_tasks
 # Whoever started the tests may ignore signals, which is inherited.
@@ -503,7 +503,7 @@ import pickle
 import sys
 from pathlib import Path
 from lab3_usd.grade.workers.machine import judge_here
-from lab3_usd.grade.workers.messages import PoolSettings, Task, encode
+from lab3_usd.grade.workers.worker_messages import PoolSettings, Task, encode
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.grade.workers.shipment import Shipment

@@ -18,8 +18,8 @@ from lab3_usd.grade import dry_runs
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
-from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
+from lab3_usd.grade.workers.worker_messages import Answer, PoolSettings, Task
 
 CLOCK = f"work/{stage('01').name}"
 SETTINGS = PoolSettings(None, None, Limits())

@@ -26,7 +26,7 @@ from lab3_usd.grade.intake.submission_copy import (
     SubmissionCopy,
     UnreachedError,
 )
-from lab3_usd.grade.workers.messages import decoded_message, encode
+from lab3_usd.grade.workers.worker_messages import decoded_message, encode
 from lab3_usd.spec.submission import named_checkpoint
 
 STAGE = b'#usda 1.0\ndef Xform "World"\n{\n}\n'

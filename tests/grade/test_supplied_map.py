@@ -19,7 +19,7 @@ from lab3_usd.deliverables.maps import MapError, supplied_map
 from lab3_usd.grade.class_run import ClassSettings, salt_of
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.workers.messages import PoolSettings, Start, decoded_message, encode
+from lab3_usd.grade.workers.worker_messages import PoolSettings, Start, decoded_message, encode
 from lab3_usd.spec.load.loader import load_lab
 
 MAP, IMAGE = "turtlebot3_map.yaml", "turtlebot3_map.pgm"

@@ -14,8 +14,8 @@ from msgspec.structs import replace
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers import worker_main
-from lab3_usd.grade.workers.messages import PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
+from lab3_usd.grade.workers.worker_messages import PoolSettings, Task
 
 SETTINGS = PoolSettings(None, None, Limits())
 

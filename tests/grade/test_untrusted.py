@@ -19,7 +19,7 @@ from workers_here import workers_here
 from lab3_usd.cli import lab3
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.workers.messages import TOOL_FAILED, Answer, Task
+from lab3_usd.grade.workers.worker_messages import TOOL_FAILED, Answer, Task
 
 pytestmark = pytest.mark.usefixtures("equal_judged_once")
 

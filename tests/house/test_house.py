@@ -9,6 +9,8 @@ import re
 import shutil
 import subprocess
 import sys
+from collections import Counter
+from collections.abc import Iterable
 from importlib.metadata import metadata
 from pathlib import Path
 
@@ -161,6 +163,37 @@ def test_a_module_is_one_idea() -> None:
     assert {name: count for name, count in lines.items() if count > MODULE_LINES} == {}
 
 
+# Every command and every format has a function of this name; a feature answers by the name of the
+# question in `hooks`.
+OF_EACH = {"command", "render"}
+MOST_SHARED_FUNCTIONS, MOST_SHARED_MODULES = 25, 12
+
+
+def public_functions(code: str) -> set[str]:
+    functions = (node for node in ast.parse(code).body if isinstance(node, ast.FunctionDef))
+    return {node.name for node in functions if not node.name.startswith("_")}
+
+
+def shared(names: Iterable[str], least: int) -> list[str]:
+    """Return the names that stand so many times."""
+    return sorted(name for name, count in Counter(names).items() if count >= least)
+
+
+def test_a_name_that_stands_twice_is_counted() -> None:
+    code = "def a(): ...\ndef _b(): ...\nclass C:\n    def d(self): ..."
+    assert public_functions(code) == {"a"}
+    assert shared(["a", "b", "a"], 2) == ["a"]
+
+
+def test_one_name_is_one_concept() -> None:
+    functions = {path: public_functions(path.read_text()) for path in SOURCES}
+    asked = next(names for path, names in functions.items() if path.name == "hooks.py")
+    names = (name for names in functions.values() for name in names - asked - OF_EACH)
+    modules = (path.stem for path in SOURCES if path.name != "__init__.py")
+    assert len(shared(names, 2)) <= MOST_SHARED_FUNCTIONS
+    assert len(shared(modules, 3)) <= MOST_SHARED_MODULES
+
+
 def untyped_options(code: str) -> list[str]:
     """Return what takes the options of a command by names that nothing checks."""
     takers = [
@@ -178,7 +211,7 @@ def test_options_by_name_alone_are_noticed() -> None:
 
 
 def test_options_of_commands_are_records() -> None:
-    commands = [path for path in SOURCES if "commands" in path.parts]
+    commands = [path for path in SOURCES if {"commands", "features"} & {*path.parts}]
     found = {module_id(path): untyped_options(path.read_text()) for path in commands}
     assert {module: names for module, names in found.items() if names} == {}
 

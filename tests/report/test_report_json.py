@@ -121,7 +121,7 @@ def test_json_imports_nothing_heavy() -> None:
     code = (
         "import sys, lab3_usd.report.formats.json_report;"
         "print([m for m in ('pxr', 'yaml', 'jinja2', 'click', 'importlib.metadata',"
-        " 'email', 'hashlib', 'xml', 'lab3_usd.report.formats.text') if m in sys.modules])"
+        " 'email', 'hashlib', 'xml', 'lab3_usd.report.formats.text_report') if m in sys.modules])"
     )
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, check=True)
     assert done.stdout.strip() == "[]"

@@ -16,7 +16,7 @@ from waiting import eventually
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour, Frame
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.report.behaviour.maps import first_moment
+from lab3_usd.report.behaviour.map_pictures import first_moment
 from lab3_usd.report.behaviour.page import heard_edges, render, tree_lines
 from lab3_usd.sim.dry_run import DryRun, dry_run
 

@@ -101,7 +101,7 @@ def test_a_changed_file_is_read_anew(folder: Path) -> None:
 
 
 @pytest.mark.parametrize(
-    "module", ["spec/lab.py", "spec/load/graph.py", "isaac/load/platform.py", "yaml_file.py"]
+    "module", ["spec/lab.py", "spec/load/graph_file.py", "isaac/load/platform.py", "yaml_file.py"]
 )
 def test_what_other_code_compiled_is_not_believed(
     folder: Path, tmp_path: Path, module: str, monkeypatch: pytest.MonkeyPatch

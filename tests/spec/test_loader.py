@@ -18,7 +18,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.load.lab_types import with_lab_types
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.checkpoints import FORMAT, accumulate, read_checkpoint_file
-from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.load.graph_file import parse_graph
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.load.loader import assemble, load_lab, load_platform
 from lab3_usd.yaml_file import read_yaml

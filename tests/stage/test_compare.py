@@ -14,7 +14,7 @@ from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Change, Difference
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.compare.stages import compare_starter
-from lab3_usd.stage.compare.values import same_usd_value
+from lab3_usd.stage.compare.value_terms import same_usd_value
 from lab3_usd.stage.write.starter import starter_layer
 
 LAB = load_lab()

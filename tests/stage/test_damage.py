@@ -14,8 +14,8 @@ from pxr import Tf
 COMMANDS = {
     "check --starter": ("lab3_usd.stage.compare.stages._changes", 1),
     "check --sim": ("lab3_usd.stage.read.scene.read_scene", 1),
-    "check --native": ("lab3_usd.stage.read.native.native_errors", 1),
-    "lint --native": ("lab3_usd.stage.read.native.native_errors", 1),
+    "check --native": ("lab3_usd.stage.read.native_validators.native_errors", 1),
+    "lint --native": ("lab3_usd.stage.read.native_validators.native_errors", 1),
     "sim": ("lab3_usd.stage.read.scene.read_scene", 2),
     "diff": ("lab3_usd.diff.scene_changes", 2),
 }

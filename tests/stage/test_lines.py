@@ -10,9 +10,9 @@ from pxr import Sdf, Usd, UsdUtils
 from usda_measure import Spot, build_text_stages, measure, spec_paths, spots_of, text_files
 
 from lab3_usd.stage import statements
+from lab3_usd.stage.layer_text import Site, SourceLocation, locate
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.statements import scan_text
-from lab3_usd.stage.text import Site, SourceLocation, locate
 
 # In a marked text, «path» stands where the spec at that path begins.
 MARK = re.compile("«(.*?)»")

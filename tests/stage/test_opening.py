@@ -18,7 +18,7 @@ from lab3_usd.pipeline.results import unreadable_result
 from lab3_usd.pipeline.stage import check_stage, lint_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import check_file, open_stage
-from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.read.stage_reader import read_stage
 
 
 def saved(path: Path) -> Path:

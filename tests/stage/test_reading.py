@@ -10,8 +10,8 @@ from lab3_usd.facts.endpoints import endpoints
 from lab3_usd.facts.execution_order import run_states
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.load.loader import load_platform
-from lab3_usd.stage.read.reader import read_model
 from lab3_usd.stage.read.scene import read_scene
+from lab3_usd.stage.read.stage_reader import read_model
 
 
 def read(*steps: dict[str, object]) -> StageModel:

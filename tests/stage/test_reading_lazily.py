@@ -18,10 +18,10 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read import colliders, opening, prims, reader
+from lab3_usd.stage.read import colliders, opening, prims, stage_reader
 from lab3_usd.stage.read.prims import EVERYTHING
 from lab3_usd.stage.read.properties import AuthoredProperties
-from lab3_usd.stage.read.reader import read_model, read_stage
+from lab3_usd.stage.read.stage_reader import read_model, read_stage
 from lab3_usd.stage.write.builder import build_checkpoint
 from lab3_usd.stage.write.starter import build_starter
 
@@ -265,7 +265,7 @@ def test_a_command_reads_each_stage_once(
     build_starter(starter)
     opened: list[str] = []
     read: list[str] = []
-    open_first, read_first = opening.opener.get(), reader._read_model
+    open_first, read_first = opening.opener.get(), stage_reader._read_model
 
     def noted_open(path: Path) -> Usd.Stage:
         opened.append(path.name)
@@ -275,7 +275,7 @@ def test_a_command_reads_each_stage_once(
         read.append(Path(path).name)
         return read_first(stage, lab, path)
 
-    monkeypatch.setattr(reader, "_read_model", noted_read)
+    monkeypatch.setattr(stage_reader, "_read_model", noted_read)
     token = opening.opener.set(noted_open)
     arguments = [str(starter) if each == "STARTER" else each for each in more]
     assert invoke("check", built, built, *arguments).exit_code == 0

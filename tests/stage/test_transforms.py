@@ -8,8 +8,8 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.model.prims import Matrix
 from lab3_usd.model.transforms import IDENTITY
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.reader import read_model
-from lab3_usd.stage.read.transforms import TransformCache, local_transform
+from lab3_usd.stage.read.prim_transforms import TransformCache, local_transform
+from lab3_usd.stage.read.stage_reader import read_model
 
 Op = UsdGeom.XformOp
 VALUES = {

@@ -19,7 +19,7 @@ from lab3_usd.check.checker import judge
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.stage.write.builder import build_checkpoint
 
 Step = Mapping[str, Any]

@@ -16,7 +16,7 @@ from scene_changes import Change
 from scene_sabotage import scene_sabotage
 
 from lab3_usd.check.checker import judge
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 GRAPHS = ("ROS_Clock", "ROS_Drive", "ROS_Lidar2D", "ROS_Camera", "ROS_OdomTF")

@@ -37,7 +37,7 @@ from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.spec.graph import GraphSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 from lab3_usd.stage.write.starter import starter_layer
 
 ONLY_IN_THE_STARTER = ("in the starter", "lidar link moved")

@@ -80,8 +80,8 @@ def _warm_up() -> None:
     from lab3_usd.data import LAB_VARIABLE
     from lab3_usd.grade.intake.staging import Source
     from lab3_usd.grade.intake.submission_copy import Limits
-    from lab3_usd.grade.workers.messages import PoolSettings, Task
     from lab3_usd.grade.workers.worker_main import answer, load_setup
+    from lab3_usd.grade.workers.worker_messages import PoolSettings, Task
     from lab3_usd.stage.write.builder import build_checkpoint
 
     os.environ.pop(LAB_VARIABLE, None)  # a process has the environment of whoever asks

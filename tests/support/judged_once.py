@@ -16,7 +16,7 @@ from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.fix import repairing
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 _USUAL = tuple(all_rules())
 _KNOWN: dict[tuple[str, str], tuple[Lab, RuleResults]] = {}

@@ -12,7 +12,7 @@ from lab3_usd.check.lint import lint
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import RuleResults, run_rule
 from lab3_usd.pipeline.any_stage import lint_platform, lint_subject
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 
 def linted(stage: Usd.Stage, release: str = "6.0", moved_from: str = "") -> RuleResults:

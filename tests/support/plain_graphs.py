@@ -13,7 +13,7 @@ from lab3_usd.check.checker import judge
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.model.finding import Finding, ordered
 from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 
 @cache

@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from lab3_usd.deliverables.evidence.reader import read_texts
-from lab3_usd.deliverables.submission import entries_below
+from lab3_usd.deliverables.evidence.saved_outputs import read_texts
+from lab3_usd.deliverables.submission_files import entries_below
 from lab3_usd.model.folder import Evidence
 from lab3_usd.spec.load.lab import load_ros
 

@@ -15,7 +15,7 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 built = correct_stage
 FAMILIES = ("F", "S", "L", "C")

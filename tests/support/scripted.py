@@ -8,7 +8,7 @@ from pxr import Usd
 
 from lab3_usd.model.stage import GraphModel, Node, PortState
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.read.stage_reader import read_stage
 
 EVALUATOR, STAGE = "evaluator:type", "pipelineStage"
 ON_DEMAND = "og.GraphPipelineStage.GRAPH_PIPELINE_STAGE_ONDEMAND"

@@ -17,10 +17,10 @@ from ros_outputs import good_outputs
 from splines_noted import copy_of
 
 from lab3_usd.data import data_folder
-from lab3_usd.deliverables.evidence import reader as evidence_reader
+from lab3_usd.deliverables.evidence import saved_outputs as evidence_reader
 from lab3_usd.deliverables.maps import map_subject, opens_all
-from lab3_usd.deliverables.nav2 import read_params
-from lab3_usd.deliverables.scripts import nav2_files
+from lab3_usd.deliverables.nav2_parameters import read_params
+from lab3_usd.deliverables.nav2_templates import nav2_files
 from lab3_usd.model.finding import StageResult
 from lab3_usd.model.folder import Agreement, Listing, MapSubject, NavigationSubject
 from lab3_usd.pipeline import deliverables as folder_checks

@@ -26,8 +26,8 @@ from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.intake.staging import StagedSubmission
 from lab3_usd.grade.workers import pool, submission_grading, worker_main
-from lab3_usd.grade.workers.messages import Json, PoolSettings, Task
 from lab3_usd.grade.workers.submission_grading import GradingSetup
+from lab3_usd.grade.workers.worker_messages import Json, PoolSettings, Task
 from lab3_usd.model.finding import StageResult
 from lab3_usd.pipeline import folder as pipeline_folder
 from lab3_usd.pipeline.stage import JudgeSettings, judge_stage

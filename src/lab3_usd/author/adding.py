@@ -33,7 +33,7 @@ from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.edit.added import added_prims
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 _TO_LIGHT = "it was there before, and shows only now"
 _MOST_SHOWN = 4

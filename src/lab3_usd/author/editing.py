@@ -25,7 +25,7 @@ from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import check_file, open_stage
 from lab3_usd.stage.read.properties import release_start_values
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 _PACKAGE = ".usdz"
 

@@ -31,7 +31,7 @@ from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import check_file, open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values
-from lab3_usd.stage.read.reader import read_model
+from lab3_usd.stage.read.stage_reader import read_model
 
 WORSE = "would make the stage worse"
 SILENCES = "would end what the dry run shows: {}"

@@ -16,7 +16,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import TextChange
 from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.pipeline.scripts import ScriptSettings, lint_script
+from lab3_usd.pipeline.script_results import ScriptSettings, lint_script
 
 _NOTEBOOK = ".ipynb"
 _UNICODE = ("utf-8", "utf-8-sig")

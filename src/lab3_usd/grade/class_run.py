@@ -36,10 +36,10 @@ from lab3_usd.grade.lock import locked
 from lab3_usd.grade.regrade import adjust
 from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.shared_reports import MOST_NAMED
-from lab3_usd.grade.workers.messages import Json, PoolSettings, Task, status_of
 from lab3_usd.grade.workers.pool import Runner, run_tasks
 from lab3_usd.grade.workers.sandbox import WALLS
 from lab3_usd.grade.workers.submission_grading import ungraded_record
+from lab3_usd.grade.workers.worker_messages import Json, PoolSettings, Task, status_of
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.server_assets import assets_at

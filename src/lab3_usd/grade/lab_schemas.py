@@ -24,7 +24,7 @@ from lab3_usd.spec.lab import (
     FrameEdge,
 )
 from lab3_usd.spec.load.checkpoints import CheckpointEntry, CheckpointsFile
-from lab3_usd.spec.load.graph import GraphFile
+from lab3_usd.spec.load.graph_file import GraphFile
 from lab3_usd.spec.load.lab import RosFile, SceneFile, SubmissionFile
 from lab3_usd.spec.load.starter import PrimEntry, StarterFile
 from lab3_usd.spec.ros import Command, EvidenceKind, NavigationSpec, TopicSpec

@@ -12,8 +12,8 @@ from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import grade_alone
 from lab3_usd.grade.intake.archives import is_archive
 from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.grade.workers.messages import PoolSettings
 from lab3_usd.grade.workers.submission_grading import ungraded_report
+from lab3_usd.grade.workers.worker_messages import PoolSettings
 from lab3_usd.model.finding import Crash, Finding, Report, StageResult, Submission
 from lab3_usd.pipeline.results import Results, Target
 

@@ -12,7 +12,7 @@ from lab3_usd.model.stage import GraphModel, Node
 from lab3_usd.new_lab.graphs import GraphText, describe_graph
 from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.lab import SCENE, Lab
-from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.load.graph_file import parse_graph
 
 _Values = dict[str, dict[str, Any]]  # of a node: `set` and `targets`, by input
 _KEYS = ("set", "targets")

@@ -19,7 +19,7 @@ from lab3_usd.new_lab.checkpoints import part_letter
 from lab3_usd.new_lab.yaml_text import as_typed, document
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, Lab
-from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.load.graph_file import parse_graph
 
 _HEAD = "Node types of the stage that are not public types of Isaac Sim, and earlier names."
 _NOTES = {

@@ -59,7 +59,7 @@ from lab3_usd.spec.contradictions.names import (
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.load.lab import parse_scene
-from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.read.stage_reader import read_stage
 
 _SCENE_HEAD = """\
 Requirements of the scene: units, robot, world, sensors.

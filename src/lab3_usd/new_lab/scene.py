@@ -36,7 +36,7 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.scene import ANYWHERE, SensorSpec
 from lab3_usd.stage.read.prims import Authored, authored_attributes
-from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.read.stage_reader import read_stage
 
 _PLAIN_TYPES = ("", "Xform", "Scope")
 

@@ -63,7 +63,7 @@ def scene_at(path: str, platform: Platform) -> StageModel | None:
     """
     if not path:
         return None
-    from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.stage.read.stage_reader import read_stage
 
     return read_stage(Path(path), platform)
 
@@ -99,12 +99,12 @@ def read_any(path: Path, platform: Platform, scene: str = "") -> StageModel:
         UsageError: a stage is given a scene, or the release is not known.
     """
     if is_script_file(path):
-        from lab3_usd.pipeline.scripts import joined_stage
+        from lab3_usd.pipeline.script_results import joined_stage
 
         return joined_stage(path, platform, scene_at(scene, platform))
     if scene:
         raise UsageError(f"--stage is for scripts, and {path} is none")
-    from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.stage.read.stage_reader import read_stage
 
     return read_stage(path, platform)
 

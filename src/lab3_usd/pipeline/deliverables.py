@@ -12,10 +12,10 @@ from msgspec.structs import replace
 
 from lab3_usd.check.rule_runs import RuleResults, merge_results, run_family
 from lab3_usd.deliverables.drawn_maps import MapFrame, draw_map
-from lab3_usd.deliverables.evidence.reader import read_listed
+from lab3_usd.deliverables.evidence.saved_outputs import read_listed
 from lab3_usd.deliverables.maps import SuppliedMap, agreement, find_map, map_subject, read_pgm
-from lab3_usd.deliverables.nav2 import read_params
-from lab3_usd.deliverables.submission import find_parameter_files, folder_named
+from lab3_usd.deliverables.nav2_parameters import read_params
+from lab3_usd.deliverables.submission_files import find_parameter_files, folder_named
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.folder import (

@@ -15,7 +15,7 @@ from lab3_usd import hooks
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.deliverables.maps import SuppliedMap, opens_all
-from lab3_usd.deliverables.submission import folder_named, list_submission, stage_ending
+from lab3_usd.deliverables.submission_files import folder_named, list_submission, stage_ending
 from lab3_usd.errors import Lab3Error, StageError, failure_text
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
 from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject, UnjudgedStage
@@ -214,7 +214,7 @@ def _fitting_checkpoint(path: Path, contents: FolderContents) -> str:
     """Return the checkpoint whose graphs are in a stage, one that has no stage first."""
     from lab3_usd.check.match.graphs import find_graphs
     from lab3_usd.stage.read.opening import open_stage
-    from lab3_usd.stage.read.reader import read_model
+    from lab3_usd.stage.read.stage_reader import read_model
 
     lab = contents.lab
     try:
@@ -271,7 +271,7 @@ def find_starters(
 def _holds(own: Starter, trusted: Starter | None, lab: Lab) -> Iterator[str]:
     """Yield what a starter should not contain yet, or what differs from the supplied one."""
     from lab3_usd.stage.compare.stages import compare_starter
-    from lab3_usd.stage.read.reader import read_model
+    from lab3_usd.stage.read.stage_reader import read_model
 
     model = read_model(own.stage, lab.platform, str(own.path))
     added = [graph.path for graph in model.graphs]

@@ -87,7 +87,7 @@ def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult
 
 def _notes_in(stage: Any, given: str) -> tuple[IgnoreNote, ...]:
     """Return the notes of a stage; a rule that is named there counts as its id."""
-    from lab3_usd.stage.text import read_ignore_notes
+    from lab3_usd.stage.layer_text import read_ignore_notes
 
     return tuple(
         replace(note, rule=rule_names().get(note.rule.lower(), note.rule))
@@ -181,7 +181,7 @@ def located_findings(
     """Yield findings of an open stage with their layer, line and column."""
     if not findings:
         return
-    from lab3_usd.stage.text import locate
+    from lab3_usd.stage.layer_text import locate
 
     places = locate(stage, str(path), [(finding.prim, finding.property) for finding in findings])
     for finding in findings:

@@ -112,7 +112,7 @@ def judge_stage(
     """
     platform = lint_platform(settings.release) if at is None else at[0].platform
     if at is None and is_script_file(str(path)):
-        from lab3_usd.pipeline.scripts import ScriptSettings, lint_script
+        from lab3_usd.pipeline.script_results import ScriptSettings, lint_script
 
         scene = scene_at(settings.scene, platform)
         over_scene = ScriptSettings(platform, scene, heeds_ignores=settings.heeds_ignores)
@@ -123,7 +123,7 @@ def judge_stage(
         try:
             stage = open_stage(Path(path))
             # Rules are imported only now: a command has another thread do it meanwhile.
-            from lab3_usd.stage.read.reader import read_model
+            from lab3_usd.stage.read.stage_reader import read_model
 
             with quiet():
                 model = read_model(stage, platform, str(path))
@@ -164,7 +164,7 @@ def judge_stage(
 
             result = against_starter(result, opened_starter(settings.starter, at[0]), at[0])
         if settings.native:
-            from lab3_usd.pipeline.native import with_native
+            from lab3_usd.pipeline.native_results import with_native
 
             result = with_native(result)
         if settings.heeds_ignores:
@@ -182,7 +182,7 @@ def judge_open_stage(stage: Any, lab: Lab | None = None) -> RuleResults:
         StageError: a file of the stage is damaged.
     """
     from lab3_usd.stage.read.opening import reopened
-    from lab3_usd.stage.read.reader import read_model
+    from lab3_usd.stage.read.stage_reader import read_model
 
     if lab is None:
         from lab3_usd.check.lint import lint

@@ -52,7 +52,7 @@ def open_starter(path: Path, lab: Lab, *, trusted: bool = True) -> Starter:
         StageError: the file cannot be opened.
     """
     from lab3_usd.stage.read.opening import open_stage
-    from lab3_usd.stage.read.reader import read_model
+    from lab3_usd.stage.read.stage_reader import read_model
 
     stage = open_stage(path)
     if not trusted:

@@ -18,7 +18,7 @@ from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.changes import TextChange
 from lab3_usd.model.finding import Finding, Report, Site, StageResult, site_of
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.pipeline.scripts import NO_GRAPH
+from lab3_usd.pipeline.script_results import NO_GRAPH
 from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 from lab3_usd.spec.load.loader import load_lab
 

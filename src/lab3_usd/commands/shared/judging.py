@@ -71,9 +71,9 @@ def imported_while_opening(*modules: str) -> Iterator[None]:
 
 
 AFTER_OPENING = (
-    "lab3_usd.stage.read.reader",
+    "lab3_usd.stage.read.stage_reader",
     "lab3_usd.pipeline.results",
-    "lab3_usd.stage.text",
+    "lab3_usd.stage.layer_text",
 )
 
 

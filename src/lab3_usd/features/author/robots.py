@@ -36,7 +36,7 @@ def command(stage: Path, form: str, release: str | None, assets: tuple[str, ...]
     from lab3_usd.isaac.releases import BASE
     from lab3_usd.pipeline.any_stage import lint_platform
     from lab3_usd.report.safe_text import visible
-    from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.stage.read.stage_reader import read_stage
 
     use_config(stage, assets)
     model = read_stage(stage, lint_platform(release or BASE))

@@ -6,8 +6,8 @@ import re
 import shlex
 from pathlib import Path
 
-from lab3_usd.deliverables.evidence.reader import MANIFEST
-from lab3_usd.deliverables.scripts import fill_template
+from lab3_usd.deliverables.evidence.saved_outputs import MANIFEST
+from lab3_usd.deliverables.nav2_templates import fill_template
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import RosSpec
 

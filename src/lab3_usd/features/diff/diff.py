@@ -69,7 +69,7 @@ def command(
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.diff import compare_stages
     from lab3_usd.pipeline.any_stage import lab_in_release
-    from lab3_usd.report import diff
+    from lab3_usd.report import diff_report
     from lab3_usd.spec.load.loader import load_lab
 
     use_config(before, assets)
@@ -91,9 +91,9 @@ def command(
             write_whole(path, svg_file(picture, "auto").encode(), force=force)
             echo(path, err=True)
     if form == "json":
-        click.echo(diff.render(comparison.diff), nl=False)
+        click.echo(diff_report.render(comparison.diff), nl=False)
     else:
-        click.echo("\n".join(diff.lines(comparison.diff, terminal_width())))
+        click.echo("\n".join(diff_report.lines(comparison.diff, terminal_width())))
     if comparison.diff.changes:
         sys.exit(EXIT_FOUND)
 

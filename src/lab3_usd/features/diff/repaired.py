@@ -11,7 +11,7 @@ from lab3_usd.commands.shared.options import terminal_width
 from lab3_usd.diff import compare_stages
 from lab3_usd.errors import unwritten
 from lab3_usd.files import temporary_beside
-from lab3_usd.report import diff
+from lab3_usd.report import diff_report
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -31,4 +31,4 @@ def changes_to(path: Path, content: bytes) -> Iterator[str]:
         compared = compare_stages(path, copy, load_lab()).diff
     finally:
         copy.unlink(missing_ok=True)
-    yield from diff.lines(replace(compared, after="repaired"), terminal_width())
+    yield from diff_report.lines(replace(compared, after="repaired"), terminal_width())

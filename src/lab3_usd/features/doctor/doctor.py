@@ -153,7 +153,7 @@ def sandbox() -> Diagnosis:
     """Start a worker of `lab3 grade`, and say which walls this system puts around it."""
     try:
         from lab3_usd.grade.intake.submission_copy import Limits
-        from lab3_usd.grade.workers.messages import PoolSettings
+        from lab3_usd.grade.workers.worker_messages import PoolSettings
         from lab3_usd.grade.workers.worker_process import end_worker, start_worker
 
         worker = start_worker(PoolSettings(None, None, Limits()))

@@ -428,7 +428,7 @@ def _grade_alone(submission: Path, asked: ClassOptions, bounds: BoundOptions) ->
     from lab3_usd.deliverables.maps import supplied_map
     from lab3_usd.grade.class_run import grade_alone
     from lab3_usd.grade.gradebook import GRADESCOPE
-    from lab3_usd.grade.workers.messages import PoolSettings
+    from lab3_usd.grade.workers.worker_messages import PoolSettings
 
     out = asked.out
     if out is not None and Path(os.path.realpath(out)).is_relative_to(submission.resolve()):

@@ -26,7 +26,7 @@ def command(folder: Path, *, force: bool) -> None:
     For ROS 2 Humble; one of the RViz configurations shows the lidar alone. The files have not been
     run in ROS. Files that exist are kept.
     """
-    from lab3_usd.deliverables.scripts import nav2_files, write_nav2
+    from lab3_usd.deliverables.nav2_templates import nav2_files, write_nav2
     from lab3_usd.files import make_folder
     from lab3_usd.spec.load.loader import load_lab
 

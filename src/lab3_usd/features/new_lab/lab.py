@@ -30,7 +30,7 @@ from lab3_usd.spec.lab import STARTER, Lab
 from lab3_usd.spec.load.loader import assemble, load_lab
 from lab3_usd.spec.load.starter import load_starter_spec
 from lab3_usd.spec.positions import written_place
-from lab3_usd.stage.read.reader import read_stage
+from lab3_usd.stage.read.stage_reader import read_stage
 
 
 def make_lab(folder: Path, stages: Sequence[Path]) -> int:

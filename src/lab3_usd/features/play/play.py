@@ -11,7 +11,7 @@ from lab3_usd.commands.shared.options import (
     script_options,
 )
 from lab3_usd.data import program
-from lab3_usd.deliverables.scripts import fill_template
+from lab3_usd.deliverables.nav2_templates import fill_template
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.execution.drive import COMMANDS, RATE, Leg, fixed_drive
 from lab3_usd.sim.judge.topics import expected_of_each

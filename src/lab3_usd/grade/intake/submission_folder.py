@@ -12,7 +12,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from lab3_usd.deliverables.submission import find_checkpoint_stages, folder_named
+from lab3_usd.deliverables.submission_files import find_checkpoint_stages, folder_named
 from lab3_usd.grade.intake.guard import can_be_read
 from lab3_usd.grade.intake.submission_copy import RefusedFile, SubmissionCopy
 from lab3_usd.model.folder import FolderFile

@@ -10,10 +10,10 @@ from functools import partial
 from typing import Any
 
 from lab3_usd.grade.workers.dispatch import Dispatch
-from lab3_usd.grade.workers.messages import Answer, PoolSettings, Task
 from lab3_usd.grade.workers.pool import Runner
 from lab3_usd.grade.workers.scheduler import PATIENCE, Patience, connected
 from lab3_usd.grade.workers.shipment import packed
+from lab3_usd.grade.workers.worker_messages import Answer, PoolSettings, Task
 
 _RETRIES = 5
 _WARNING_SIZE = "distributed.admin.large-graph-warning-threshold"

@@ -13,7 +13,9 @@ from dataclasses import dataclass, field
 from typing import Any
 
 from lab3_usd.grade.workers.machine import ARGUMENTS, CALL
-from lab3_usd.grade.workers.messages import (
+from lab3_usd.grade.workers.pool import interrupted_by_signals
+from lab3_usd.grade.workers.scheduler import PATIENCE
+from lab3_usd.grade.workers.worker_messages import (
     FAULT,
     FAULT_OF_ALL,
     TOOL_FAILED,
@@ -22,8 +24,6 @@ from lab3_usd.grade.workers.messages import (
     Task,
     encode,
 )
-from lab3_usd.grade.workers.pool import interrupted_by_signals
-from lab3_usd.grade.workers.scheduler import PATIENCE
 from lab3_usd.grade.workers.worker_process import WorkerError
 from lab3_usd.report.options import tool_version
 

@@ -10,9 +10,16 @@ from pathlib import Path
 
 from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.intake.scratch import make_scratch, remove_abandoned, remove_scratch
-from lab3_usd.grade.workers.messages import FAULT, FAULT_OF_ALL, KILLED, Json, Task, decoded_message
 from lab3_usd.grade.workers.pool import WorkerSlot, judge_with_retries
 from lab3_usd.grade.workers.shipment import Shipment, unpacked
+from lab3_usd.grade.workers.worker_messages import (
+    FAULT,
+    FAULT_OF_ALL,
+    KILLED,
+    Json,
+    Task,
+    decoded_message,
+)
 from lab3_usd.grade.workers.worker_process import WorkerError
 from lab3_usd.report.options import tool_version
 

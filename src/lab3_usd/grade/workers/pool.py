@@ -20,7 +20,7 @@ from lab3_usd.errors import EndedBySignalError
 from lab3_usd.errors import interrupt as default_interrupt
 from lab3_usd.grade.intake.remote import fetched
 from lab3_usd.grade.intake.submission_copy import TooLargeError, UnreachedError
-from lab3_usd.grade.workers.messages import (
+from lab3_usd.grade.workers.worker_messages import (
     CRASHED,
     FAULT,
     TOO_LARGE,

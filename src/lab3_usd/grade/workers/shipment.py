@@ -10,7 +10,7 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.intake.scratch import scratch_folder
-from lab3_usd.grade.workers.messages import PoolSettings
+from lab3_usd.grade.workers.worker_messages import PoolSettings
 
 
 class Shipment(Struct, frozen=True):

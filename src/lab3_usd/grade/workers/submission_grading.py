@@ -25,7 +25,7 @@ from lab3_usd.grade.intake.submission_folder import AMBIGUOUS
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
 from lab3_usd.grade.shared_reports import SHARED
-from lab3_usd.grade.workers.messages import (
+from lab3_usd.grade.workers.worker_messages import (
     FAILED_OVER_IT,
     TOOL_FAILED,
     Json,

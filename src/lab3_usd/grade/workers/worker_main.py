@@ -24,7 +24,14 @@ from lab3_usd.data import data_folder, lab_folder
 from lab3_usd.errors import is_no_room
 from lab3_usd.grade.intake.submission_copy import UnreachedError
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.workers.messages import (
+from lab3_usd.grade.workers.sandbox import (
+    fence_files,
+    give_up_privileges,
+    limit_resources,
+    limit_time,
+)
+from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
+from lab3_usd.grade.workers.worker_messages import (
     CRASHED,
     FAILED_OVER_IT,
     FAULT,
@@ -41,13 +48,6 @@ from lab3_usd.grade.workers.messages import (
     decoded_message,
     encode,
 )
-from lab3_usd.grade.workers.sandbox import (
-    fence_files,
-    give_up_privileges,
-    limit_resources,
-    limit_time,
-)
-from lab3_usd.grade.workers.submission_grading import GradingSetup, grade_submission
 from lab3_usd.pipeline.starter_comparison import open_starter
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.server_assets import assets_at

@@ -22,7 +22,7 @@ from lab3_usd.errors import Lab3Error
 from lab3_usd.grade.awake import AwakeClock
 from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
-from lab3_usd.grade.workers.messages import (
+from lab3_usd.grade.workers.worker_messages import (
     CRASHED,
     KILLED,
     OUT_OF_MEMORY,

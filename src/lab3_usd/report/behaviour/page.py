@@ -20,7 +20,7 @@ from lab3_usd.facts.frames import Edge
 from lab3_usd.model.dry_run import Behaviour, Check, HeardFrame, Replay
 from lab3_usd.model.finding import Finding
 from lab3_usd.report.behaviour.charts import chart_svg, cursor_places
-from lab3_usd.report.behaviour.maps import first_moment, map_svg, near_svg, room_svg
+from lab3_usd.report.behaviour.map_pictures import first_moment, map_svg, near_svg, room_svg
 from lab3_usd.report.behaviour.text import (
     ONLY_SHOWN,
     WHAT_A_RECORDING_IS,
@@ -271,7 +271,7 @@ def _graph_drawings(
     path: Path, lab: Lab, computed: Mapping[str, int], failing: Sequence[FailedCheck]
 ) -> Iterator[GraphDrawing]:
     """Yield the drawing of each graph of a stage; none where it can no longer be read."""
-    from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.stage.read.stage_reader import read_stage
 
     try:
         pictures = list(stage_pictures(lab, None, read_stage(path, lab.platform)))

@@ -12,7 +12,7 @@ from lab3_usd.report.safe_text import truncated_report
 
 # A module is imported when its format is asked for: checking one file stays fast.
 _OF_THE_CORE: dict[str, Format] = {
-    "text": Format("lab3_usd.report.formats.text", "for people, on a terminal or in a file"),
+    "text": Format("lab3_usd.report.formats.text_report", "for people, on a terminal or in a file"),
     "concise": Format("lab3_usd.report.formats.concise", "one line for each finding, for editors"),
     "json": Format("lab3_usd.report.formats.json_report", "for programs; schema/report-2.json"),
     "jsonl": Format("lab3_usd.report.formats.jsonl", "one JSON object for each finding"),

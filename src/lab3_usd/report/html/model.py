@@ -56,7 +56,7 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
     """Return the content of the stage of a result, None if it cannot be read."""
     if result.verdict == "unreadable":
         return None
-    from lab3_usd.stage.read.reader import read_stage
+    from lab3_usd.stage.read.stage_reader import read_stage
 
     try:
         model = read_stage(Path(result.path), lab.platform)

@@ -19,7 +19,7 @@ from lab3_usd.spec.contradictions.names import graph_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, Policy
 from lab3_usd.spec.load.checkpoints import accumulate, by_ids, read_checkpoint_file, removals
-from lab3_usd.spec.load.graph import parse_graph
+from lab3_usd.spec.load.graph_file import parse_graph
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import (
     ForbiddenPrims,

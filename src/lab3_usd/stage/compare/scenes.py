@@ -26,7 +26,7 @@ from lab3_usd.stage.compare.pairs import (
     read_records,
     signature,
 )
-from lab3_usd.stage.compare.values import (
+from lab3_usd.stage.compare.value_terms import (
     POSE,
     ValueTolerance,
     display_value,

@@ -16,6 +16,7 @@ from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PropSpec
 from lab3_usd.spec.submission import StarterRules
+from lab3_usd.stage.compare.compared_prims import added_changes, prim_differences
 from lab3_usd.stage.compare.pairs import (
     PRESENT,
     GonePrim,
@@ -27,8 +28,7 @@ from lab3_usd.stage.compare.pairs import (
     read_records,
     signature,
 )
-from lab3_usd.stage.compare.prims import added_changes, prim_differences
-from lab3_usd.stage.compare.values import (
+from lab3_usd.stage.compare.value_terms import (
     Terms,
     ValueTolerance,
     affects_physics,

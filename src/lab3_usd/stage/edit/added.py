@@ -9,7 +9,7 @@ from pathlib import Path
 from msgspec import Struct
 from pxr import Sdf, Usd
 
-from lab3_usd.stage.edit.prims import MARK
+from lab3_usd.stage.edit.prim_edits import MARK
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.write.graphs import PARENT
 

@@ -10,7 +10,7 @@ from pxr import Sdf, Usd
 from lab3_usd.errors import StageError
 from lab3_usd.model import changes
 from lab3_usd.model.changes import Activate, ApplySchema, ClearValue, Edit, Restore, Retarget
-from lab3_usd.stage.edit.prims import (
+from lab3_usd.stage.edit.prim_edits import (
     activate,
     add_graph,
     add_node,

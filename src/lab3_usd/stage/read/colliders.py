@@ -11,6 +11,7 @@ from pxr import Gf, Usd, Vt
 from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims, upwards
 from lab3_usd.model.transforms import scale_of
 from lab3_usd.stage.read.opening import stage_errors
+from lab3_usd.stage.read.prim_transforms import TransformCache
 from lab3_usd.stage.read.prims import PrimReader
 from lab3_usd.stage.read.properties import (
     CENTIMETRES,
@@ -19,7 +20,6 @@ from lab3_usd.stage.read.properties import (
     prim_at,
     stage_number,
 )
-from lab3_usd.stage.read.transforms import TransformCache
 
 _Corner = tuple[float, float, float]
 _Box = tuple[_Corner, _Corner]

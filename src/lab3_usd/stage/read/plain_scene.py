@@ -11,7 +11,7 @@ from pxr import Gf, Sdf, Usd
 
 from lab3_usd.model.prims import Matrix
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
-from lab3_usd.stage.read.transforms import local_transform
+from lab3_usd.stage.read.prim_transforms import local_transform
 
 _MOST_PRIMS = 500
 _MOST_NUMBERS = 64  # of one value: a mesh is no text for people

@@ -29,8 +29,8 @@ from lab3_usd.model.dry_run import (
 )
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.compounds import compounds_in, opened_scene_nodes
+from lab3_usd.stage.read.prim_transforms import ORDER, is_placeless
 from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
-from lab3_usd.stage.read.transforms import ORDER, is_placeless
 
 _Value = TypeVar("_Value")
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"

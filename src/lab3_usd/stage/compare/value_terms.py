@@ -22,8 +22,8 @@ from lab3_usd.model.changes import Difference
 from lab3_usd.model.finding import display
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.submission import StarterRules
+from lab3_usd.stage.read.prim_transforms import ORDER, RESET, TransformCache, local_transform
 from lab3_usd.stage.read.properties import plain_value
-from lab3_usd.stage.read.transforms import ORDER, RESET, TransformCache, local_transform
 
 Class = Literal["never", "physics", "pose", "shape", "look", "other"]
 POSE = "xformOp"

@@ -19,7 +19,7 @@ def require_native() -> None:
     Raises:
         UsageError: it has none; the line says from which release on they come.
     """
-    from lab3_usd.stage.read.native import native_validation
+    from lab3_usd.stage.read.native_validators import native_validation
 
     native_validation()
 
@@ -35,7 +35,7 @@ def with_native(result: StageResult) -> StageResult:
     """
     if result.verdict == "unreadable":
         return result
-    from lab3_usd.stage.read.native import native_errors
+    from lab3_usd.stage.read.native_validators import native_errors
     from lab3_usd.stage.read.opening import open_stage, stage_errors
 
     path = Path(result.path)

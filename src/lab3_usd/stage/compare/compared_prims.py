@@ -18,7 +18,7 @@ from lab3_usd.stage.compare.pairs import (
     raw_differences,
     signature,
 )
-from lab3_usd.stage.compare.values import (
+from lab3_usd.stage.compare.value_terms import (
     Class,
     Terms,
     affects_physics,
@@ -34,8 +34,8 @@ from lab3_usd.stage.compare.values import (
     place_differences,
     same_usd_value,
 )
+from lab3_usd.stage.read.prim_transforms import ORDER
 from lab3_usd.stage.read.properties import targets_of
-from lab3_usd.stage.read.transforms import ORDER
 
 _BINDING = "material:binding"
 _PURPOSE = "physics"
