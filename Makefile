@@ -30,7 +30,7 @@ help:
 	@echo "make clean         remove environments, caches and built files"
 
 demo: $(VENV)/run
-	$(BIN)/lab3 build --out $(OUT) --force
+	$(BIN)/lab3 build --output $(OUT) --force
 	$(BIN)/lab3 check --quiet $(OUT)
 
 test: $(VENV)/dev

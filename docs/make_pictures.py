@@ -45,7 +45,7 @@ def make_pictures(target: Path) -> None:
         wrong = _submission(folder / "ana") / "work" / "Lab3_02_ros_drive.usda"
         _lab3("add", "drive", ROVER, "--output", folder / "rover.usda")
         for drawn in (wrong, "ROS_Drive", "TF", folder / "rover.usda"):
-            _lab3("draw", drawn, "--out", folder)
+            _lab3("draw", drawn, "--output", folder)
         for drawn, kept in DRAWN.items():
             shutil.copyfile(folder / drawn, target / kept)
         faults = (target / "faults.svg").read_text(encoding="utf-8")
@@ -68,7 +68,7 @@ def make_drive_picture(target: Path) -> None:
     """Write the picture of a dry run's page into the folder `target`."""
     with tempfile.TemporaryDirectory() as name:
         page = Path(name) / "sim.html"
-        _lab3("build", "--out", name, "--only", "05")
+        _lab3("build", "--output", name, "--only", "05")
         _lab3("sim", Path(name) / "Lab3_05_odometry_tf.usda", "--page", page)
         picture = target / "sim.png"
         # The drive is what there is to see; the checks above it are text.
@@ -84,11 +84,11 @@ def _submission(folder: Path) -> Path:
     """Make a submission that has everything of the stages right but the drive graph."""
     starter = folder / "assets" / "student_handout_turtlebot3_ros2_scene.usda"
     starter.parent.mkdir(parents=True)
-    _lab3("starter", "--out", starter)
-    _lab3("map", starter, "--out", folder / "maps")
-    _lab3("build", "--out", folder / "work")
+    _lab3("starter", "--output", starter)
+    _lab3("map", starter, "--output", folder / "maps")
+    _lab3("build", "--output", folder / "work")
     right = folder / "right"
-    _lab3("build", "--out", right, "--only", "02")
+    _lab3("build", "--output", right, "--only", "02")
     name = "Lab3_02_ros_drive.usda"
     _run(DOCS / "examples" / "mistakes.py", right / name, folder / "work" / name)
     shutil.rmtree(right)

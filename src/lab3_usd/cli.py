@@ -168,7 +168,15 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
     os.environ[LAB_VARIABLE] = str(folder)
 
 
-@click.group(cls=LazyGroup, context_settings={"help_option_names": ["-h", "--help"]})
+def _one_name(name: str) -> str:
+    """Return the name that is documented of an option which has two."""
+    return "output" if name == "out" else name
+
+
+@click.group(
+    cls=LazyGroup,
+    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": _one_name},
+)
 @click.option(
     "--version",
     is_flag=True,

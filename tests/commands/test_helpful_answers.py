@@ -127,3 +127,19 @@ def test_a_rule_of_ones_own_that_fails_names_its_line(carter: Path) -> None:
     config.write_text('rules = ["house.py"]\n')
     said = answer("lint", "--config", config, carter)
     assert "ZeroDivisionError: division by zero, at house.py:7" in said
+
+
+@pytest.mark.parametrize("option", ["-o", "--output", "--out"])
+def test_what_is_written_goes_by_one_option_under_both_its_names(option: str, carter: Path) -> None:
+    folder = carter.parent
+    assert lab3("build", option, folder / "stages", "--only", "01").returncode == 0
+    assert lab3("draw", carter, "--lint", option, folder / "pictures").returncode == 0
+    lab3("lint", carter, option, folder / "report.txt")
+    assert {path.name for path in folder.iterdir()} >= {"stages", "pictures", "report.txt"}
+
+
+@pytest.mark.parametrize("command", ["build", "draw", "lint", "fix", "map", "starter"])
+def test_one_of_both_names_is_documented(command: str) -> None:
+    shown = lab3(command, "--help").stdout
+    assert "-o, --output" in shown
+    assert not re.search(r"--out\b", shown)

@@ -276,7 +276,8 @@ def named_commands(page: Path) -> list[str]:
 
 def options_of(command: click.Command) -> set[str]:
     taken = {name for param in command.params for name in (*param.opts, *param.secondary_opts)}
-    return taken | {"-h", "--help"}
+    former = {"--out"} if "--output" in taken else set[str]()
+    return taken | former | {"-h", "--help"}
 
 
 def unknown_parts(text: str) -> list[str]:

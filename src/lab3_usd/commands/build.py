@@ -20,7 +20,7 @@ from lab3_usd.errors import EXIT_FOUND
 @click.command("build")
 @click.argument("starter", required=False, type=Input(path_type=Path))
 @click.option(
-    "--out",
+    "--output",
     "-o",
     "folder",
     required=True,

@@ -12,8 +12,8 @@ from lab3_usd.commands.shared.paths import OutputFile
 
 @click.command("starter")
 @click.option(
+    "--output",
     "-o",
-    "--out",
     "target",
     required=True,
     type=OutputFile(path_type=Path, dir_okay=False),

@@ -61,8 +61,8 @@ _OF_THE_CORE: dict[str, Command] = {
         "course authors",
         "Build the stages of the checkpoints from a starter scene.",
         (
-            "lab3 build --out stages",
-            "lab3 build starter.usda --out stages --through 02",
+            "lab3 build --output stages",
+            "lab3 build starter.usda --output stages --through 02",
         ),
         "lab3_usd.commands.build",
     ),

@@ -110,7 +110,7 @@ def _elsewhere(folder: Path) -> str:
     below = (file for depth in ("*/*", "*/*/*") for file in folder.glob(depth))
     folders = sorted({str(file.parent) for file in below if is_stage_file(file.name)})
     if not folders:
-        write = f"{program()} build --out {folder}"
+        write = f"{program()} build --output {folder}"
         return f"{write} writes stages of the lab, {program()} lint judges any"
     more = ", ..." if len(folders) > _NAMED else ""
     named = ", ".join(folders[:_NAMED])

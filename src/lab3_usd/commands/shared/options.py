@@ -288,8 +288,8 @@ text_or_json: Option = click.option(
 # Where a command writes its script, and whether it replaces a file.
 script_options = all_of(
     click.option(
+        "--output",
         "-o",
-        "--out",
         "script",
         required=True,
         type=OutputFile(path_type=Path, dir_okay=False),

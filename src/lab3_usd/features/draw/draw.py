@@ -52,7 +52,7 @@ class DrawOptions(Struct, frozen=True):
 @click.command("draw")
 @click.argument("target", metavar="FILE|GRAPH", type=Input())
 @click.option(
-    "--out",
+    "--output",
     "-o",
     "folder",
     required=True,

@@ -56,8 +56,8 @@ class MapOptions(Struct, frozen=True):
 @click.command("map")
 @click.argument("stage", type=Input(path_type=Path))
 @click.option(
+    "--output",
     "-o",
-    "--out",
     "folder",
     required=True,
     type=OutputFolder(path_type=Path, file_okay=False),

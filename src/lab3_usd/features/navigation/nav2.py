@@ -12,8 +12,8 @@ from lab3_usd.commands.shared.paths import OutputFolder, refuse_inputs
 
 @click.command("nav2")
 @click.option(
+    "--output",
     "-o",
-    "--out",
     "folder",
     required=True,
     type=OutputFolder(path_type=Path, file_okay=False),

@@ -229,26 +229,30 @@ def _by_number(file: Path) -> list[tuple[int, str]]:
 @command.command("schema")
 @click.argument("file", required=False)
 @click.option(
-    "--out", type=OutputFolder(path_type=Path, file_okay=False), help="Write all schemas here."
+    "--output",
+    "-o",
+    "folder",
+    type=OutputFolder(path_type=Path, file_okay=False),
+    help="Write all schemas here.",
 )
-@click.option("--force", is_flag=True, help="With --out: replace files that exist.")
-def schema(file: str | None, out: Path | None, *, force: bool) -> None:
+@click.option("--force", is_flag=True, help="With --output: replace files that exist.")
+def schema(file: str | None, folder: Path | None, *, force: bool) -> None:
     """Print the JSON schema of a file of a lab, or write all schemas.
 
     FILE is its name, such as scene.yaml; a name of none of the fixed files is that of a graph.
     Editors that read YAML complete and check a file whose first line names its schema, as `lab new`
     writes it.
     """
-    if (file is None) == (out is None):
-        raise click.UsageError("name a file, or a folder with --out")
+    if (file is None) == (folder is None):
+        raise click.UsageError("name a file, or a folder with --output")
     if file is not None:
         click.echo(json.dumps(schema_of(Path(file).name), indent=1, ensure_ascii=False))
-    if out is not None:
-        files = {out / Path(name).name: text.encode() for name, text in schema_texts().items()}
+    if folder is not None:
+        files = {folder / Path(name).name: text.encode() for name, text in schema_texts().items()}
         refuse_inputs(path for path, text in files.items() if not _holds(path, text))
         for path, text in files.items():
             refuse_existing(path, force=force or _holds(path, text))
-        make_folder(out)
+        make_folder(folder)
         for path, text in files.items():
             write_whole(path, text, force=True)
             echo(path)

@@ -165,10 +165,10 @@ def _check_targets(plan: dict[Path, Checkpoint], stage: Usd.Stage, options: Buil
     for target in existing:
         if target.resolve() in inputs:
             raise UsageError(
-                f"{target}: is a file of the starter, which is never written; choose --out"
+                f"{target}: is a file of the starter, which is never written; choose --output"
             )
         if target.is_dir():
-            raise UsageError(f"{target}: is a folder; choose another one for --out")
+            raise UsageError(f"{target}: is a folder; choose another one for --output")
         if not options.force:
             raise UsageError(f"{target}: exists already; choose another folder or give --force")
 
