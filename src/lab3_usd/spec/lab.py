@@ -87,7 +87,10 @@ class Checkpoint(Struct, frozen=True):
 
 
 class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree": "with"}):
-    """The inputs that decide when time stamps restart, and the input that they must agree with."""
+    """Inputs of helpers that restart time stamps, and the input of the time that they are to equal.
+
+    `{ports: [resetSimulationTimeOnStop], with: resetOnStop}`: P09 notes where they differ.
+    """
 
     ports: tuple[str, ...]
     agree: str
@@ -96,9 +99,10 @@ class StampReset(Struct, frozen=True, forbid_unknown_fields=True, rename={"agree
 class Policy(Struct, frozen=True, forbid_unknown_fields=True):
     """Rules for every graph.
 
-    `tick` is the event of every graph. `accepts` are rules of the linter whose findings in the
-    lab's own stages are meant, so that `lab check` leaves them out. Names of ROS are Isaac Sim's,
-    and need not be given: where a lab gives them, they must be the same.
+    `tick` names the event that starts the course's graphs, for its readers. `accepts` are rules of
+    the linter whose findings in the lab's own stages are meant, so that `lab check` leaves them
+    out. Names of ROS are Isaac Sim's, and need not be given: where a lab gives them, they must be
+    the same.
     """
 
     handout: str

@@ -76,8 +76,8 @@ class ArticulationSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A link of the robot.
 
-    With an `offset`, or if it is `held`, it must not move on the robot. A base that is `held` is
-    fixed to the world.
+    With `offset: [0, 0, 0.2]` it stands there on the robot in the first checkpoint, and its joint
+    holds it there. One that is `held` must not move on the robot; a base is fixed to the world.
     """
 
     handout: str
@@ -88,10 +88,11 @@ class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """The wheels: by joint, the link that it turns.
+    """The two wheels that drive: by joint, the link that it turns (`left_joint: left_wheel`).
 
-    `axle` is the direction about which they drive forward. The robot turns about `centre`,
-    the point between them, along X and Y of the base.
+    Of more than two, as of a car, describe all as `joints` of the robot. `axle` is the direction
+    about which they drive forward. The robot turns about `centre`, the point between them, along X
+    and Y of the base.
     """
 
     handout: str
@@ -134,9 +135,9 @@ class RobotSpec(Struct, frozen=True, forbid_unknown_fields=True, dict=True):
     """A robot; after the checkpoint `pose_is_error_until` it may have driven.
 
     `base_frame` is the link whose frame odometry moves, the robot itself without one. `links` are
-    bodies below `path`, by name or, below other links, by path. Prims below the names in
-    `appearance_below` are appearance or colliders. `name` is its group in requirements and points,
-    where it is one of `robots` its key.
+    bodies below `path`, by name or, below other links, by path. Shapes below prims with names in
+    `appearance_below: [visuals]` are its look, and hide no sensor. `name` is its group in
+    requirements and points, where it is one of `robots` its key.
     """
 
     FORMER: ClassVar[Mapping[str, str]] = {"looks_below": "appearance_below"}
@@ -253,7 +254,10 @@ class ForbiddenPrims(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SensorAttribute(Struct, frozen=True, forbid_unknown_fields=True):
-    """A value of a sensor as USD has it; the checker requires it if it is `required`."""
+    """A value of a sensor as USD has it; the checker requires it if it is `required`.
+
+    With `required: if authored` a camera needs it only where the stage writes one.
+    """
 
     GONE: ClassVar[Mapping[str, str]] = {
         "unset": "leave it out, what is not set has the value of its schema"
@@ -297,8 +301,8 @@ class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
     `circle` limits the azimuth, which is a full
     circle from `whole` on. `emitters` begins the names of lists with an entry for each emitter;
-    `elevation` ends the name of their angles, whose limit is `level`. `ranges` are the near and far
-    range.
+    `elevation` ends the name of their angles, whose limit is `level`. Values in `keep` must not
+    change; `ranges` names the near and far range, between which something stands at the start.
     """
 
     GONE: ClassVar[Mapping[str, str]] = dict.fromkeys(
@@ -318,9 +322,9 @@ class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A sensor.
 
-    The `kind` selects the rules: L for `lidar`, C for `camera`, D for any other. With `recognised:
-    anywhere` every prim of the type counts, also off the robot. `apis` are written, `rate_api`
-    brings a rate; `keep_default` and `plain_image` are USD's defaults.
+    The `kind` selects the rules: L for `lidar`, C for `camera`, D for any other. A prim of the type
+    at another path is taken for it on the robot, with `recognised: anywhere` also elsewhere. `apis`
+    are written, `rate_api` brings a rate; `keep_default` and `plain_image` are USD's defaults.
     """
 
     FORMER: ClassVar[Mapping[str, str]] = {"looks": "view"}

@@ -55,11 +55,11 @@ class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
     """A node, by its role.
 
     `set` are values, `targets` prims, `keep` inputs that stay at their defaults, `ports` inputs
-    that must be added, `frames_from` targets that are judged by the TF frames that they give.
-    `handout` is that of the graph unless given; a node without `at` is placed by its wires. `set`,
-    `targets` and `keep` may name sections: `set: {B3: {domain_id: 0}}`. The checkpoint `from` adds
-    a node, with its wires, to a graph that is there already; up to those in `until` it has other
-    values.
+    that must be added. Targets in `frames_from: [targetPrims]` may be others, if checkpoints with
+    `frames: true` find the frames that these give. `handout` is that of the graph unless given; a
+    node without `at` is placed by its wires. `set`, `targets` and `keep` may name sections: `set:
+    {B3: {domain_id: 0}}`. The checkpoint `from` adds a node, with its wires, to a graph that is
+    there already; up to those in `until` it has other values.
     """
 
     type: str
