@@ -10,12 +10,14 @@ from msgspec.structs import replace
 from ros_outputs import (
     ACTIVE,
     EDGES,
+    IMAGE,
     MAP,
     NO_LOOKUP,
     NO_RATE,
     NODES,
     ODOM,
     PACKAGES,
+    RATE,
     SCAN,
     STATUS,
     TOPICS,
@@ -56,13 +58,31 @@ def manifest(file: str) -> Files:
     return {"manifest.tsv": f"{file}\t124\t2026-11-20T10:00:00Z\t10.0\tros2\n"}
 
 
+IMAGE_TOPIC = "/camera/image_raw"
 FAULTS: list[tuple[str, Files, str | None]] = [
     ("E02", {"topic_type_scan.txt": "sensor_msgs/msg/PointCloud2\n"}, "/scan"),
     ("E02", {"topic_type_map.txt": "", **manifest("topic_type_map.txt")}, "/map"),
     ("E02", {"topic_type_odom.txt": f"{TYPES['/odom']}\n{TYPES['/scan']}\n"}, "/odom"),
+    (
+        "E02",
+        {"list.txt": "$ ros2 topic list -t\n/camera/camera_info [sensor_msgs/msg/Image]\n"},
+        "/camera/camera_info",
+    ),
+    (
+        "E02",
+        {"topic_info_odom.txt": info(TYPES["/scan"], "odometry")},
+        "/odom",
+    ),
     ("E03", {"topic_list.txt": TOPICS.replace("/map\n", "")}, "/map"),
     ("E04", {"topic_hz_scan.txt": NO_RATE}, "/scan"),
     ("E04", {"topic_hz_clock.txt": "", **manifest("topic_hz_clock.txt")}, "/clock"),
+    ("E04", {"topic_hz_odom.txt": f"{RATE}no new messages\nno new messages\n"}, "/odom"),
+    ("E05", {"topic_echo_clock.txt": "clock:\n  sec: 0\n  nanosec: 0\n---\n"}, "/clock"),
+    ("E05", {"topic_echo_camera_image_raw.txt": IMAGE.replace("640", "1280")}, IMAGE_TOPIC),
+    ("E05", {"topic_echo_camera_image_raw.txt": IMAGE.replace("rgb8", "32FC1")}, IMAGE_TOPIC),
+    ("E05", {"topic_echo_scan.txt": SCAN.replace("- 1.25\n- .inf\n", "- -1.0\n" * 128)}, "/scan"),
+    ("E05", {"topic_echo_scan.txt": f"{SCAN.partition('ranges')[0]}ranges: []\n---\n"}, "/scan"),
+    ("E05", {"topic_echo_scan.txt": SCAN.replace("-3.14", "1.57")}, "/scan"),
     ("E05", {"topic_echo_scan.txt": SCAN.replace("base_scan", "sim_lidar")}, "/scan"),
     ("E05", {"topic_echo_odom.txt": ODOM.replace("base_footprint", "base_link")}, "/odom"),
     ("E05", {"topic_echo_clock.txt": NO_RATE.replace("/scan", "/clock")}, "/clock"),
@@ -90,6 +110,14 @@ FAULTS: list[tuple[str, Files, str | None]] = [
     ("E14", {"topic_info_odom.txt": info(TYPES["/odom"], "one", "two")}, "/odom"),
     ("E14", {"topic_info_scan.txt": "Unknown topic '/scan'\n"}, "/scan"),
     (
+        "E14",
+        {
+            "cmd.txt": "$ ros2 topic info /cmd_vel\nType: geometry_msgs/msg/Twist\n"
+            "Publisher count: 1\nSubscription count: 0\n"
+        },
+        "/cmd_vel",
+    ),
+    (
         "E15",
         {"node_list.txt": NODES + "/_Graph_ROS_Odometry_TFWorld2Odom\n"},
         "/_Graph_ROS_Odometry_TFWorld2Odom",
@@ -113,6 +141,19 @@ FAULTS: list[tuple[str, Files, str | None]] = [
 
 
 NAMES = list(numbered(rule_id for rule_id, _, _ in FAULTS))
+
+
+@pytest.mark.parametrize(
+    "ranges", ["- -1.0\n" * 3, "- -1.0\n" * 127 + "- 2.5\n", "- .nan\n" * 128, ""]
+)
+def test_a_scan_that_may_show_a_wall_is_right(tmp_path: Path, ranges: str) -> None:
+    scan = SCAN.replace("- 1.25\n- .inf\n", ranges)
+    assert problems(subject(tmp_path, {**diagnostics(), "topic_echo_scan.txt": scan})) == {}
+
+
+def test_a_rate_after_a_pause_is_right(tmp_path: Path) -> None:
+    hz = {"topic_hz_odom.txt": f"no new messages\n{RATE}"}
+    assert problems(subject(tmp_path, {**diagnostics(), **hz})) == {}
 
 
 @pytest.fixture(scope="module")

@@ -34,7 +34,7 @@ def changed(folder: Path, old: str, new: str) -> RosSpec:
         ("  domain: 0\n", "", "domain"),
         ("state: active [3]", "state: [active, 3]", "state"),
         ("succeeded: 4\n", "succeeded: 4\n  reached: 4\n", "reached"),
-        ("publishers: 1, from", "publisher: 1, from", "publisher"),
+        ("publishers: 1\n", "publisher: 1\n", "publisher"),
         ("extra: true}", "extra: maybe}", "extra"),
     ],
 )

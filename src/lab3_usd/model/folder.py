@@ -20,6 +20,7 @@ from lab3_usd.spec.submission import SubmissionSpec
 Scalar = str | int | float | bool | None
 # One ROS message, its fields by dotted path (`header.frame_id`, `status_list.0.status`).
 Message = Mapping[str, Scalar]
+SHOWN, ABOVE_ZERO = "shown", "above zero"  # what messages keep of an array, behind its name
 Fact = TypeVar("Fact")
 
 
@@ -185,7 +186,8 @@ Outputs = Mapping[str, tuple[Observation[Fact], ...]]
 class Evidence(Struct, frozen=True):
     """What a folder of saved outputs shows, by kind of command and by what each was about.
 
-    The names of the outputs are those of the kinds in `ros.yaml`. The keys are a topic, a node,
+    The names of the outputs are those of the kinds in `ros.yaml`; `listed_type` are the types
+    that lists and infos name, `topic_hearers` how many subscribe. The keys are a topic, a node,
     or two frames; for lists, trees and goals the key is empty.
     """
 
@@ -196,6 +198,8 @@ class Evidence(Struct, frozen=True):
     topic_hz: Outputs[float] = field(default_factory=dict)
     topic_echo: Outputs[Message] = field(default_factory=dict)
     topic_info: Outputs[tuple[ListedEndpoint, ...]] = field(default_factory=dict)
+    listed_type: Outputs[tuple[str, ...]] = field(default_factory=dict)
+    topic_hearers: Outputs[int] = field(default_factory=dict)
     lifecycle: Outputs[str] = field(default_factory=dict)
     tf2_echo: Outputs[Lookup] = field(default_factory=dict)
     view_frames: Outputs[tuple[Edge, ...]] = field(default_factory=dict)

@@ -41,9 +41,11 @@ class MapFacts(Struct, frozen=True, forbid_unknown_fields=True):
 class TopicSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
     """A topic of the running system.
 
-    `rate` is the section that asks for a rate above zero, `fields` are required values of a
-    message, `map_fields` those that repeat facts of the map. `source` says how to start a publisher
-    that is no graph. A publisher of a `subscribed` topic is outside the stage.
+    `rate` is the section that asks for a rate above zero. `fields` are the frames of a message,
+    `content` other values of it, `map_fields` those that repeat facts of the map. Of the fields of
+    `time` one is above 0; those of `circle` are the first and the last angle of a whole circle, and
+    of the numbers in the fields of `measured` one is above 0. `source` says how to start a
+    publisher that is no graph. A publisher of a `subscribed` topic is outside the stage.
     """
 
     name: str
@@ -55,6 +57,10 @@ class TopicSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
     publishers: int | None = None
     fields: Mapping[str, str] | None = None
     map_fields: Mapping[str, str] | None = None
+    content: Mapping[str, str | int] = {}
+    time: tuple[str, ...] = ()
+    circle: tuple[str, ...] = ()
+    measured: tuple[str, ...] = ()
     source: str | None = None
     optional: bool = False
     subscribed: bool = False

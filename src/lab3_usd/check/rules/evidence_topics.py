@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterator, Mapping
 from functools import partial
 
@@ -9,6 +10,8 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import is_equal, shortened
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import (
+    ABOVE_ZERO,
+    SHOWN,
     EvidenceSubject,
     Fact,
     ListedEndpoint,
@@ -22,6 +25,9 @@ from lab3_usd.spec.ros import MapFacts, TopicSpec
 
 _PLAY = "press Play, and check the execution wire and the context of the node that publishes it"
 _DURABILITIES = ("volatile", "transient_local")
+_MANY = 100  # values of a list, of which `ros2 topic echo` prints the first 128
+_ENDS = 2  # the first and the last angle of a scan
+_WHOLE = 6.1  # radians of a circle, less a step or two
 
 
 def _source(topic: TopicSpec) -> str:
@@ -58,7 +64,12 @@ def topic_type_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Example: `ros2 topic type {scan}` says `sensor_msgs/msg/PointCloud2`.
     """
-    yield from _judged(subject, subject.evidence.topic_type, _wrong_type)
+    told = set()
+    for problem in _judged(subject, subject.evidence.topic_type, _wrong_type):
+        told.add(problem.property)
+        yield problem
+    listed = _judged(subject, subject.evidence.listed_type, _wrong_type)
+    yield from (problem for problem in listed if problem.property not in told)
 
 
 def _wrong_type(shown: Observation[tuple[str, ...]], topic: TopicSpec) -> Iterator[Problem]:
@@ -119,12 +130,14 @@ def _without_rate(shown: Observation[float], topic: TopicSpec) -> Iterator[Probl
 
 @rule("E05", "message-shown", scope="evidence")
 def message_shown(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A message has another frame, or no message arrived.
+    """A message has another frame, size or content, or no message arrived.
 
     Why: {navigation?}RViz and Nav2 look{else}a subscriber looks{/} up the frame in the TF tree. A
-    message in a frame that is not in the tree is dropped.
+    message in a frame that is not in the tree is dropped, as is one whose time stands at
+    0.{lidar?} A scan without a distance, or of a part of the circle, shows no walls.{/}
 
-    Fix: set the frame id of the publishing node, and echo one message again.
+    Fix: set the frame id, the size or the time stamp of the publishing node, and echo one message
+    again.
 
     Example: `header.frame_id` of `{scan}` is the default of its node instead of `{lidar_link}`.
     """
@@ -133,10 +146,35 @@ def message_shown(subject: EvidenceSubject) -> Iterator[Problem]:
 
 def _wrong_message(shown: Observation[Message], topic: TopicSpec) -> Iterator[Problem]:
     if shown.fact:
-        yield from _differing(shown, topic, topic.fields or {})
+        yield from _differing(shown, topic, {**(topic.fields or {}), **topic.content})
+        yield from _hollow(shown, topic)
         return
     message = f"no message of {topic.name} arrived"
     yield Problem(shown.file, message, topic.name, handout=topic.handout, hint=_source(topic))
+
+
+def _hollow(shown: Observation[Message], topic: TopicSpec) -> Iterator[Problem]:
+    """Yield a time that stands at 0, a part of a circle, and lists without a measured value.
+
+    A field that was cut away shows nothing.
+    """
+    fact, faults = shown.fact, list[tuple[str, str, str]]()
+    times = [fact.get(path) for path in topic.time]
+    if times and all(time == 0 for time in times):
+        faults.append((topic.time[0].rpartition(".")[0], "0", "a time above 0"))
+    angles = [a for path in topic.circle if isinstance(a := fact.get(path), (int, float))]
+    if len(angles) == len(topic.circle) == _ENDS and angles[1] - angles[0] < _WHOLE:
+        covered = f"{math.degrees(angles[1] - angles[0]):.0f} degrees"
+        faults.append((" to ".join(topic.circle), covered, "the whole circle"))
+    for name in topic.measured:
+        count, positive = fact.get(f"{name}.{SHOWN}"), fact.get(f"{name}.{ABOVE_ZERO}")
+        is_enough = isinstance(count, int) and (count == 0 or count >= _MANY)
+        if is_enough and not positive:
+            actual = f"at most 0 in all {count} values" if count else "empty"
+            faults.append((name, actual, "distances above 0"))
+    for path, actual, expected in faults:
+        message = f"{path} of {topic.name} is {actual}, expected {expected}"
+        yield Problem(shown.file, message, topic.name, expected, actual, topic.handout)
 
 
 @rule("E06", "map-message", scope="evidence", needs="map")
@@ -202,10 +240,10 @@ def _wrong_durability(
 
 @rule("E14", "topic-publishers", scope="evidence")
 def topic_publishers(subject: EvidenceSubject) -> Iterator[Problem]:
-    """A topic has no publisher, or more than one.
+    """A topic has no publisher, or more than one, or nobody subscribes to a command.
 
     Why: two sources disagree, and subscribers jump between them. Several publishers of `/tf` are
-    normal.
+    normal. Commands to which nothing subscribes move no robot.
 
     Fix: find the second graph that publishes it and delete it. Often a menu of Isaac Sim created
     it.
@@ -213,6 +251,13 @@ def topic_publishers(subject: EvidenceSubject) -> Iterator[Problem]:
     Example: `Publisher count: 2` for `{scan}`.
     """
     yield from _judged(subject, subject.evidence.topic_info, _wrong_publishers)
+    yield from _judged(subject, subject.evidence.topic_hearers, _without_hearer)
+
+
+def _without_hearer(shown: Observation[int], topic: TopicSpec) -> Iterator[Problem]:
+    if topic.subscribed and not shown.fact:
+        message = f"{topic.name} has no subscription, expected that of the lab's graph"
+        yield Problem(shown.file, message, topic.name, "1", "0", topic.handout, hint=_source(topic))
 
 
 def _wrong_publishers(

@@ -15,7 +15,16 @@ from typing import Any
 import yaml
 
 from lab3_usd.deliverables.plain_yaml import load_plain
-from lab3_usd.model.folder import Edge, ListedEndpoint, Lookup, Message, Run, Scalar
+from lab3_usd.model.folder import (
+    ABOVE_ZERO,
+    SHOWN,
+    Edge,
+    ListedEndpoint,
+    Lookup,
+    Message,
+    Run,
+    Scalar,
+)
 
 _SCALARS = (str, int, float, bool, type(None))
 # What rclcpp and ros2cli print between messages: log lines, and the notice of a lost message.
@@ -30,11 +39,11 @@ _LONGEST_MESSAGE = 20_000  # characters, arrays left out; YAML is slow to read
 def parse_messages(text: str) -> list[Message]:
     """Return the messages of an output, fields by dotted path; empty when none was printed.
 
-    Of very many, those in the middle are left out. Arrays of numbers are left out. A message that
-    is no longer YAML, because somebody shortened it, is read line by line as far as its lines say
-    `name: value`.
+    Of very many, those in the middle are left out. Of arrays of numbers only counts are kept: how
+    many numbers are shown, and how many of them are above 0. A message that is no longer YAML,
+    because somebody shortened it, is read line by line as far as its lines say `name: value`.
     """
-    lines = [line for line in text.splitlines() if not (_NOISE.match(line) or _ELEMENT.match(line))]
+    lines = [line for line in text.splitlines() if not _NOISE.match(line)]
     documents = [document for document in _SEPARATOR.split("\n".join(lines)) if document.strip()]
     if len(documents) > _MOST_MESSAGES:
         documents = documents[: _MOST_MESSAGES // 2] + documents[-_MOST_MESSAGES // 2 :]
@@ -42,13 +51,36 @@ def parse_messages(text: str) -> list[Message]:
 
 
 def _parse(document: str) -> Message:
+    lines = document.splitlines()
+    counts, document = _counts(lines), "\n".join(ln for ln in lines if not _ELEMENT.match(ln))
     try:
         data = load_plain(document) if len(document) <= _LONGEST_MESSAGE else None
         if isinstance(data, dict):
-            return dict(_flat(data, "", set()))
+            return {**dict(_flat(data, "", set())), **counts}
     except (yaml.YAMLError, RecursionError, ValueError):
         pass
-    return dict(_by_line(document))
+    return {**dict(_by_line(document)), **counts}
+
+
+def _counts(lines: list[str]) -> dict[str, Scalar]:
+    """Return of each array of numbers how many are shown, and how many of them are above 0."""
+    numbers: dict[str, list[float]] = {}
+    name = ""
+    for line in lines:
+        element, field = _ELEMENT.match(line), _FIELD.match(line.rstrip())
+        if field is not None:
+            name = field["name"]
+            if field["value"] in {"[]", "''"}:
+                numbers[name] = []
+        elif element is not None and name:
+            number = parsed_number(element[1].replace(".inf", "inf"))
+            if not math.isnan(number):  # as what stands for those left out
+                numbers.setdefault(name, []).append(number)
+    counts: dict[str, Scalar] = {}
+    for name, shown in numbers.items():
+        counts[f"{name}.{SHOWN}"] = len(shown)
+        counts[f"{name}.{ABOVE_ZERO}"] = sum(0 < number < math.inf for number in shown)
+    return counts
 
 
 def _flat(value: Any, path: str, seen: set[int]) -> Iterator[tuple[str, Scalar]]:
@@ -102,6 +134,10 @@ _STATE = re.compile(r"^(?:(?P<node>/\S+): )?(?P<state>\w+ \[\d+\])$")
 # ros2lifecycle; tf2_echo.cpp).
 _UNPUBLISHED = re.compile(r"does not appear to be published yet|Could not determine the type for ")
 _UNKNOWN = "Unknown topic "
+_NO_MORE = "no new messages"
+_LISTED_TYPE = re.compile(r"^(/[\w/]+)\s+\[(\w+/msg/\w+)\]\s*$", re.MULTILINE)
+_INFO_TYPE = re.compile(r"^Type:\s*(\w+/msg/\w+)\s*$", re.MULTILINE)
+_HEARERS = re.compile(r"^Subscription count:\s*(\d{1,3})\b", re.MULTILINE)
 _NO_STATE = ("Node not found", "Exception while calling service of node")
 _NO_TRANSFORM = re.compile(r"Waiting for transform |Failure at |Exception thrown:")
 _TRANSLATION = re.compile(r"Translation:[ \t]*\[([^\[\]\n]*)\]")
@@ -136,9 +172,31 @@ def parse_topic_types(text: str) -> tuple[str, ...] | None:
     return tuple(dict.fromkeys(line for line in lines if _TYPE.match(line))) or None
 
 
+def parse_listed_types(text: str) -> dict[str, str]:
+    """Read the types of `ros2 topic list -t` (ros2topic/verb/list.py)."""
+    return dict(_LISTED_TYPE.findall(text))
+
+
+def parse_info_type(text: str) -> str | None:
+    """Read the type that `ros2 topic info` prints first (ros2topic/verb/info.py)."""
+    found = _INFO_TYPE.search(text)
+    return None if found is None else found[1]
+
+
+def parse_hearers(text: str) -> int | None:
+    """Read how many subscriptions `ros2 topic info` counts (ros2topic/verb/info.py)."""
+    found = _HEARERS.search(text)
+    return None if found is None else int(found[1])
+
+
 def parse_rate(text: str) -> float | None:
-    """Read `ros2 topic hz` (ros2topic/verb/hz.py): the last average in hertz, 0 when none came."""
+    """Read `ros2 topic hz` (ros2topic/verb/hz.py): the last average in hertz.
+
+    It is 0 when none came, and when nothing came any more at the end.
+    """
     rates = [parsed_number(found) for found in _RATE.findall(text)]
+    if text.rfind(_NO_MORE) > max(text.rfind("average rate:"), -1):
+        return 0.0
     known = [rate for rate in rates if math.isfinite(rate)]
     if known:
         return known[-1]

@@ -65,7 +65,7 @@ def read_texts(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidence
     Texts of no known form are left out. Where the collecting script saved an output, its file
     speaks for that command alone, and its silence says something.
     """
-    found: _Found = {kind: {} for kind in (*_PARSERS, "goals")}
+    found: _Found = {kind: {} for kind in (*_PARSERS, "listed_type", "topic_hearers", "goals")}
     texts = _texts(files)
     runs = {
         (PurePosixPath(name).parent / run.file).as_posix(): run
@@ -125,6 +125,15 @@ def _facts(text: str, name: str, ros: RosSpec, *, ran: bool) -> Iterator[tuple[s
             fact = _SILENCE.get(block.kind)
         if fact is not None:
             yield block.kind, block.target, fact
+        if block.kind == "topic_list":
+            for topic, kind in outputs.parse_listed_types(block.text).items():
+                yield "listed_type", topic, (kind,)
+        if block.kind == "topic_info":
+            listed, hearers = outputs.parse_info_type(block.text), outputs.parse_hearers(block.text)
+            if listed is not None:
+                yield "listed_type", block.target, (listed,)
+            if hearers is not None:
+                yield "topic_hearers", block.target, hearers
         if ros.goal is not None and block.target == ros.goal.status:
             yield from (("goals", "", goal) for goal in _goal_by_status(block))
     words = () if ros.goal is None else _goal_by_words(text, ros.goal)
