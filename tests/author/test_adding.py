@@ -376,3 +376,11 @@ def test_renewing_the_graph_of_one_robot_leaves_that_of_another(tmp_path: Path) 
         if prim.GetName() == "articulation_controller"
     ]
     assert controllers == ["/World/alpha/base", "/World/beta/base"]
+
+
+def test_the_help_is_one_page_of_80_columns(monkeypatch: pytest.MonkeyPatch) -> None:
+    monkeypatch.setenv("COLUMNS", "80")
+    paragraphs, _, _ = invoke("add", "--help").output.partition("  Kinds:")
+    lines = paragraphs.splitlines()
+    assert max(map(len, lines)) <= 80
+    assert [line for line in lines if line.startswith("   ") or "  " in line.strip()] == []

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
+from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -132,7 +133,7 @@ def command(
     sys.exit(status)
 
 
-command.help = f"{command.help}\n\n{_KINDS}"
+command.help = f"{cleandoc(command.help or '')}\n\n{_KINDS}"
 
 
 def _add(
