@@ -41,6 +41,24 @@ def test_our_own_parameters_have_no_problem(tmp_path: Path) -> None:
     assert problems(read(tmp_path, GOOD)) == {}
 
 
+@pytest.mark.parametrize(
+    ("radius", "other"),
+    [("0.0", 'footprint: "[[0.1, 0.1], [0.1, -0.1], [-0.1, 0.0]]"'), ("-0.1", 'footprint: "[]"')],
+)
+def test_a_radius_that_does_not_count_or_makes_the_same_circle_is_right(
+    tmp_path: Path, radius: str, other: str
+) -> None:
+    text = changed("      robot_radius: 0.1\n", f"      robot_radius: {radius}\n      {other}\n")
+    assert "V13" not in problems(read(tmp_path, text))
+
+
+def test_the_types_of_a_list_that_is_longer_than_the_own_one_are_not_known(tmp_path: Path) -> None:
+    listed = "spin, backup, drive_on_heading, wait"
+    text = f"behavior_server:\n  ros__parameters:\n    behavior_plugins: [{listed}]\n"
+    assert "V12" not in problems(read(tmp_path, text))
+    assert "V12" in problems(read(tmp_path, text.replace("wait]", "assisted_teleop, wait]")))
+
+
 @pytest.mark.parametrize("frame", ["base_link", "base_scan", "Camera_1"])
 def test_any_frame_of_the_robot_may_be_its_base(tmp_path: Path, frame: str) -> None:
     assert (
@@ -231,7 +249,7 @@ FAULTS = [
             changed("robot_radius: 0.1", f"robot_radius: {radius}"),
             "local_costmap.local_costmap.robot_radius",
         )
-        for radius in ("2.0", "0.0", "-0.1")
+        for radius in ("2.0", "0.0")
     ),
     (
         "V13",

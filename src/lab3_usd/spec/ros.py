@@ -174,7 +174,8 @@ class ParameterDemand(Struct, frozen=True, forbid_unknown_fields=True):
 
     `nodes` are all where none is named. Each number of a list is meant; `ends_above` means the
     first and the last. `like` names the value here that a topic must be, `at_most_of` a parameter
-    of the same node. With `unset`, the default of the node is no better.
+    of the same node, `unless` one that counts instead where it is not empty. With `unset`, the
+    default of the node is no better.
     """
 
     names: tuple[str, ...]
@@ -190,6 +191,7 @@ class ParameterDemand(Struct, frozen=True, forbid_unknown_fields=True):
     equals: bool | None = None
     like: Literal["", "map_topic", "odom_topic"] = ""
     at_most_of: str = ""
+    unless: str = ""
     unset: bool = False
 
 

@@ -262,7 +262,8 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
     wanted = [navigation.linear_speed, 0.0, navigation.angular_speed]
     demands = navigation.demands
     for parameter in subject.parameters:
-        if any(_is_meant(parameter, each) and _unmet(parameter, each, subject) for each in demands):
+        meant = (demand for demand in demands if _is_meant(parameter, demand, subject))
+        if any(_unmet(parameter, demand, subject) for demand in meant):
             continue  # no speed at all
         limit = limits.get(parameter.last)
         if limit is not None and parameter.kind != "string" and not _close(parameter.value, limit):
@@ -302,7 +303,8 @@ def plugin_without_type(subject: NavigationSubject) -> Iterator[Problem]:
 
     Example: `planner_plugins: [Fast]` without a block `Fast`.
 
-    Basis: `nav2_util/node_utils.hpp:139-152` of the humble branch.
+    Basis: `nav2_util/node_utils.hpp:139-152` of the humble branch; its nodes add the types of their
+    own lists alone (`planner_server.cpp:58`, `behavior_server.cpp:44`).
     """
     known = {(_last(parameter.node), parameter.name) for parameter in subject.parameters}
     refused = {refusal.name for refusal in subject.refusals}
@@ -320,6 +322,9 @@ def plugin_without_type(subject: NavigationSubject) -> Iterator[Problem]:
                     yield parameter_problem(subject, parameter, message, f"a block {name}")
 
 
+_NOTHING = (None, "", "[]")  # a footprint that is none (costmap_2d_ros.cpp:410)
+
+
 @rule("V13", "useless-parameter", scope="navigation")
 def useless_parameter(subject: NavigationSubject) -> Iterator[Problem]:
     """A value ends its node, or leaves the robot without a way or a speed.
@@ -331,7 +336,7 @@ def useless_parameter(subject: NavigationSubject) -> Iterator[Problem]:
     Example: `max_decel: [2.5, 0.0, 3.2]`, which must be 0 or below: the velocity smoother ends.
     """
     for demand in subject.navigation.demands:
-        judged = [p for p in subject.parameters if _is_meant(p, demand)]
+        judged = [p for p in subject.parameters if _is_meant(p, demand, subject)]
         for parameter in judged:
             expected = _unmet(parameter, demand, subject)
             if expected:
@@ -345,9 +350,13 @@ def useless_parameter(subject: NavigationSubject) -> Iterator[Problem]:
                 yield Problem(subject.file, message, f"{node}.{name}", shortened(demand.equals))
 
 
-def _is_meant(parameter: Parameter, demand: ParameterDemand) -> bool:
+def _is_meant(parameter: Parameter, demand: ParameterDemand, subject: NavigationSubject) -> bool:
     is_of_node = not demand.nodes or _last(parameter.node) in demand.nodes
-    return is_of_node and parameter.last in demand.names
+    if not is_of_node or parameter.last not in demand.names:
+        return False
+    place = (parameter.node, demand.unless)
+    others = (p.value for p in subject.parameters if (p.node, p.name) == place)
+    return not any(other not in _NOTHING for other in others)
 
 
 def _unmet(parameter: Parameter, demand: ParameterDemand, subject: NavigationSubject) -> str:
