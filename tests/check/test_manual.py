@@ -134,7 +134,9 @@ def test_all_manuals_are_printed_together(subtests: pytest.Subtests) -> None:
 def test_either_one_rule_is_explained_or_all(subtests: pytest.Subtests) -> None:
     for words in ((), ("W01", "--all")):
         with subtests.test(words=words):
-            assert "give the id of one rule, or --all" in invoke("rule", *words).output
+            assert (
+                "give the id of one rule, --search WORD, or --all" in invoke("rule", *words).output
+            )
 
 
 def test_a_rule_with_and_without_a_lab_is_printed_by_both_ids() -> None:

@@ -50,9 +50,12 @@ def test_a_device_is_no_stage() -> None:
     assert "is not a file hint name a stage, or a folder with some" in said
 
 
-def test_a_student_is_still_told_to_go_back() -> None:
-    path = REPOSITORY / "tests" / "golden" / "grade" / "report.json"
-    assert "older copy" in path.read_text(encoding="utf-8")
+def test_a_student_is_still_told_to_go_back(tmp_path: Path) -> None:
+    path = tmp_path / "Lab3_01_ros_clock.usda"
+    path.write_text("hello\n")
+    assert "older copy of the file; or open the stage of the checkpoint before" in answer(
+        "check", path
+    )
 
 
 def test_an_address_keeps_its_slashes() -> None:
@@ -143,3 +146,17 @@ def test_one_of_both_names_is_documented(command: str) -> None:
     shown = lab3(command, "--help").stdout
     assert "-o, --output" in shown
     assert not re.search(r"--out\b", shown)
+
+
+def test_rules_are_searched_in_their_manuals() -> None:
+    shown = lab3("rule", "--search", "Reset On Stop").stdout
+    assert re.search(r"K39 +warning +other-release", shown)
+    assert "K11" not in shown
+    assert "no manual of a rule holds 'xyzzy'" in answer("rule", "--search", "xyzzy")
+
+
+def test_repairs_are_named_in_one_order(carter: Path) -> None:
+    for form in ("text", "markdown", "html"):
+        shown = re.sub("<[^>]*>", "", lab3("lint", carter, "--format", form).stdout)
+        assert "fix --lint" in shown.replace("\\", "")
+        assert not re.search(r"fix \S+ --lint", shown)

@@ -25,9 +25,10 @@ SECTIONS = ("Why", "Fix", "Example", "Basis")
 
 @click.command("rule")
 @click.argument("rule_id", metavar="[ID]", default="", shell_complete=complete_rules)
+@click.option("--search", "words", metavar="WORD", help="List the rules whose manuals hold WORD.")
 @click.option("--all", "whole", is_flag=True, help="Print the manuals of all rules.")
 @own_rules_option
-def command(rule_id: str, *, whole: bool, config_file: str | None) -> None:
+def command(rule_id: str, words: str | None, *, whole: bool, config_file: str | None) -> None:
     """Explain one rule: the fault, its effect, the repair, and an example.
 
     ID is an id such as W01, or the name of a rule. Any other word lists the rules whose names or
@@ -36,8 +37,14 @@ def command(rule_id: str, *, whole: bool, config_file: str | None) -> None:
     use_own_rules(config_file)
     lab = load_lab()
     rules = rules_in(lab)
-    if bool(rule_id) == whole:
-        raise click.UsageError("give the id of one rule, or --all")
+    if [bool(rule_id), bool(words), whole].count(True) != 1:
+        raise click.UsageError("give the id of one rule, --search WORD, or --all")
+    if words is not None:
+        held = [rule for rule in rules.values() if _holds(rule, words.lower())]
+        if not held:
+            raise click.UsageError(f"no manual of a rule holds {words!r}")
+        click.echo("\n".join(rule_lines(held)))
+        return
     if whole:
         ordered = sorted(
             rules.values(), key=lambda rule: ([*families()].index(rule.family), rule.id)
@@ -51,6 +58,11 @@ def command(rule_id: str, *, whole: bool, config_file: str | None) -> None:
         return
     rule = find_rule(rule_id, rules)
     click.echo("\n".join(manual_lines(rule, lab.handout.rules.get(rule.id, ""))))
+
+
+def _holds(rule: Rule, words: str) -> bool:
+    """Whether the name or the manual of a rule holds some words, whatever lines they stand in."""
+    return words in rule.name or words in " ".join(rule.manual.lower().split())
 
 
 def rules_about(word: str, rules: Mapping[str, Rule]) -> list[Rule]:

@@ -120,6 +120,7 @@ def unused_note(note: IgnoreNote) -> Iterator[Finding]:
 
 
 _OLDER = "go back to an older copy of the file"
+_AGAIN = "save the stage again, or name another file"
 _REPEAT = "open the stage of the checkpoint before, repeat this part, and save it under this name"
 
 
@@ -128,7 +129,8 @@ def unreadable_result(path: str, checkpoint: str | None, reason: StageError | st
     line, column = (reason.line, reason.column) if isinstance(reason, StageError) else (None, None)
     text = str(reason).removeprefix(f"{path}: ")
     ways = [f"correct line {line} in a text editor"] if line else []
-    hint: str | None = "; or ".join([*ways, _OLDER, *([_REPEAT] if checkpoint else [])])
+    others = [_OLDER, _REPEAT] if checkpoint else [_OLDER if line else _AGAIN]
+    hint: str | None = "; or ".join([*ways, *others])
     if isinstance(reason, StageError) and reason.repair:
         hint = reason.repair
         text = text.removesuffix(f"; {hint}")

@@ -21,7 +21,7 @@ from lab3_usd.report.safe_text import visible
 from lab3_usd.report.text import to_come_text
 from lab3_usd.spec.load.loader import load_lab
 
-HEADING = ("Severity", "Rule", "Where", "What is wrong", "How to repair it", "Handout")
+HEADING = ("Severity", "Rule", "Where", "What is wrong", "Hint", "Handout")
 # Everything that CommonMark or GitHub may take for markup; a backslash before it keeps it text.
 _MARKUP = re.compile(r"([\\`*_{}\[\]<>()#+.!|~&$^:@=-])")
 

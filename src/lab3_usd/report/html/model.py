@@ -268,7 +268,7 @@ def _fix_command(block: Block, fault: ReportedFault, options: Options) -> str:
     lint = ["--lint"] if block.is_linted else []
     only = ["--select", fault.finding.rule]  # of an option that is given twice the last one counts
     unsafe = [] if is_repairable(fault.finding) else ["--unsafe"]
-    words = ["fix", *paths, *lint, *options.given, *only, *unsafe, "--in-place"]
+    words = ["fix", *lint, *paths, *options.given, *only, *unsafe, "--in-place"]
     return command_line(program(), *options.lab, *words)
 
 

@@ -31,7 +31,6 @@ _ENDINGS_BY_START = {b"#usda": (".usda", ".usd"), b"PXR-U": (".usd", ".usdc")}
 _MOST_OPEN = 2
 TEXT = b"#usda"
 _BINARY = (CRATE, PACKAGE, codecs.BOM_UTF8)
-_AGAIN = "save the stage again, or name another file"
 # How text of more than one byte a letter begins, as PowerShell and Notepad save it; the longest
 # marks first.
 _WIDE = (
@@ -212,9 +211,7 @@ def check_file(path: Path) -> None:
             if start.startswith(TEXT):
                 _check_text(path, start + file.read())
             elif start and not start.startswith(_BINARY):
-                raise StageError(
-                    f"{path}: is not USD: it does not begin with '#usda'", repair=_AGAIN
-                )
+                raise StageError(f"{path}: is not USD: it does not begin with '#usda'")
             else:
                 _check_tables(path, file, start)
     except PermissionError as error:
