@@ -52,11 +52,17 @@ def test_a_missing_node_explains_a_wire_that_is_gone() -> None:
     assert explained(finding("N01", "/World/Clock"), finding("P01", NODE)) == "N01"
 
 
-def test_of_another_rule_only_an_error_at_the_fault_is_named() -> None:
+def test_of_another_rule_only_an_error_at_the_fault_or_before_it_is_named() -> None:
     assert explained(finding("P01", NODE)) == "P01"
+    assert explained(finding("P01", SOURCE)) == "P01"
     assert explained(finding("K44", NODE, "warning")) == ""
-    assert explained(finding("P01", SOURCE)) == ""
-    assert explained(finding("P01", SOURCE, "error", NODE)) == ""
+    assert explained(finding("P01", ELSEWHERE, "error", NODE)) == ""
+
+
+def test_what_lint_says_of_a_joint_or_a_body_explains_only_faults_that_it_finds() -> None:
+    brake = replace(finding("K86", SOURCE), property="drive:angular:physics:stiffness")
+    assert explained(brake) == ""
+    assert explained(replace(finding("K22", SOURCE), property="inputs:value")) == "K22"
 
 
 def test_what_did_not_happen_is_not_explained_by_something_else() -> None:
@@ -70,6 +76,13 @@ def test_a_fault_without_a_place_is_explained_by_the_rule_that_finds_such_faults
     explaining = explaining_finding(replace(CHECK, prim="", rests_on=()), found)
     assert explaining is not None
     assert explaining.rule == "W01"
+
+
+def test_a_fault_without_a_place_is_explained_by_the_only_error() -> None:
+    nowhere = replace(CHECK, prim="", rests_on=())
+    one, two = finding("P03", NODE), finding("R01", ELSEWHERE)
+    assert explaining_finding(nowhere, [one]) is one
+    assert explaining_finding(nowhere, [one, two]) is None
 
 
 def test_the_nearest_is_named() -> None:

@@ -23,7 +23,7 @@ from foreign_robots import (
 from invoking import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom
 from report_schema import dry_run_of
-from robot_kinds import fleet, four_wheels, rollers
+from robot_kinds import fleet, four_wheels, mobile, rollers
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour
@@ -811,3 +811,19 @@ def test_a_helper_that_is_switched_off_is_no_fault(tmp_path: Path) -> None:
     helper = stage.GetPrimAtPath("/World/Lidar/helper")
     helper.CreateAttribute("inputs:enabled", Sdf.ValueTypeNames.Bool).Set(False)  # noqa: FBT003
     assert bad(played(stage, tmp_path)) == set()
+
+
+@pytest.mark.parametrize(
+    ("switches", "verdict"),
+    [((True, True), "ok"), ((False, False), "ok"), ((True, False), "bad")],
+)
+def test_an_image_and_its_camera_info_have_one_clock(
+    tmp_path: Path, switches: tuple[bool, bool], verdict: str
+) -> None:
+    stage = mobile()
+    for name, is_system in zip(("image", "info"), switches, strict=True):
+        node = stage.GetPrimAtPath(f"/World/ROS/{name}")
+        port = node.CreateAttribute("inputs:useSystemTime", Sdf.ValueTypeNames.Bool)
+        port.Set(is_system)
+    camera = by_name(played(stage, tmp_path))["camera"]
+    assert camera.verdict == verdict

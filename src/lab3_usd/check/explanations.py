@@ -166,8 +166,10 @@ _ALSO: Mapping[FaultKind, Sequence[str]] = {
     "no-wheel-contact": _OF_WHEELS,
     "no-ground": ("Y02", "K96", "S28"),
     "unknown-joint": ("S07",),
+    "no-articulation": ("K82", "S05"),
     "wrong-domain": ("P01",),
     "duplicate-publisher": ("L07",),
+    "wrong-stamp": ("P09", "K45", "K46"),
 }
 
 
@@ -179,10 +181,10 @@ def explaining_rule(check: Check) -> str:
 def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | None:
     """Return what the rules found that explains a failed check; None if only it shows that.
 
-    It stands at the prim at fault, and is an error or of a rule that finds such faults. One of such
-    a rule may also stand at what feeds that prim, or anywhere where nothing is known to be at
-    fault, as the node itself is missing. Errors count before warnings, then such rules, then what
-    is nearest. What is wrong with the whole stage comes last.
+    It is of a rule that finds such faults, or an error about a graph or the lab, and stands at the
+    prim at fault or at what feeds that. Of such a rule it may stand anywhere where nothing is known
+    to be at fault, as the node itself is missing. Errors count before warnings, then what is near,
+    then such rules. What is wrong with the whole stage comes last.
     """
     if check.kind is None:
         return None
@@ -191,35 +193,48 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
         usual.add(_MISSING_NODE)
     is_strict = check.kind in _ELSEWHERE or check.verdict != "bad"
     sites = {prim: number for number, prim in enumerate(check.rests_on)}
-    far = len(sites) + 1
+    far = 2 * len(sites) + 1
 
-    def parent(path: str) -> str:
-        return path.rpartition("/")[0] or "/"
-
-    def distance(finding: Finding) -> int | None:
+    def away(finding: Finding) -> int | None:
         """Return how far it is from the fault, None where it does not speak of it."""
-        places = {finding.prim, *(path for path, _ in finding.covers)}
         is_usual = finding.rule in usual
-        if not check.prim:
-            return 0 if is_usual else None
-        if check.prim in places and (is_usual or (finding.severity == "error" and not is_strict)):
+        if not is_usual and (is_strict or finding.severity != "error" or _is_of_part(finding)):
+            return None
+        places = {finding.prim, *(path for path, _ in finding.covers)}
+        named = {path.partition(".")[0] for path in finding.related}
+        if check.prim in places:
             return 0
-        if is_usual:
-            named = {path.partition(".")[0] for path in finding.related}
-            if check.prim in named:
-                return 1
-            # What is missing or switched off is no part of the scene, but what it stands in is.
-            near = [sites[place] for place in places & sites.keys()]
-            near += [sites[top] for top in {parent(place) for place in places} & sites.keys()]
-            return min(near, default=far if check.kind in _ELSEWHERE else None)
-        return far if finding.prim == "/" and not is_strict else None
+        if is_usual and check.prim in named:
+            return 1
+        # What is missing or switched off is no part of the scene, but what it stands in is.
+        above = (path.rpartition("/")[0] or "/" for path in places)
+        near = [sites[place] for place in places if place in sites]
+        near += [sites[place] + len(sites) for place in above if place in sites]
+        is_anywhere = is_usual and (not check.prim or check.kind in _ELSEWHERE)
+        return min(near, default=far if is_anywhere or finding.prim == "/" else None)
 
     ranked = [
-        (SEVERITIES.index(finding.severity), finding.rule not in usual, away, number)
-        for number, finding in enumerate(findings)
-        if finding.severity != "note" and (away := distance(finding)) is not None
+        (
+            SEVERITIES.index(finding.severity),
+            far == distance,
+            finding.rule not in usual,
+            distance,
+            k,
+        )
+        for k, finding in enumerate(findings)
+        if finding.severity != "note" and (distance := away(finding)) is not None
     ]
-    return findings[min(ranked)[-1]] if ranked else None
+    if ranked:
+        return findings[min(ranked)[-1]]
+    # Where nothing is known to be at fault, the only error there is.
+    errors = [each for each in findings if each.severity == "error" and not _is_of_part(each)]
+    return errors[0] if len(errors) == 1 and not (check.prim or is_strict) else None
+
+
+def _is_of_part(finding: Finding) -> bool:
+    """Whether a finding of lint is about a body, a joint or a shape: of which, no check tells."""
+    is_of_node = (finding.property or "").startswith(("inputs:", "outputs:", "node:", "evaluat"))
+    return finding.rule[0] in "KY" and not is_of_node
 
 
 def rules_named(behaviour: Behaviour, findings: Sequence[Finding]) -> Callable[[Check], str]:

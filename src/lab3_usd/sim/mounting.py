@@ -16,6 +16,7 @@ from lab3_usd.sim.nodes.transforms import frame_name
 _CLOUD, _INFO = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CameraInfo"
 _SENSORS = ("Camera", "OmniLidar", "OmniRadar")
 _AXES, _OWN = "omni:sensor:Core:outputFrameOfReference", "SENSOR"
+CLOCKS_APART = 0.5  # seconds, from which on two messages are not of one clock
 _TURNED = 0.996  # the half angle's cosine of 10 degrees by which points may be turned
 _BASELINE, _ASIDE = 0.5, 0.005  # metres between the cameras of a stereo pair, and off their line
 
@@ -209,3 +210,7 @@ def _unlike(info: Message, images: Sequence[Message]) -> Iterator[RunFault]:
     if sizes and (info.data.width, info.data.height) not in sizes:
         text = f"{info.topic} and {same[0].topic} differ in size"
         yield RunFault(text, "image-info-sizes-differ", info.node)
+    clocks = [image.stamp - image.at for image in same if image.session == info.session]
+    if clocks and all(abs(clock - (info.stamp - info.at)) > CLOCKS_APART for clock in clocks):
+        text = f"{info.topic} and {same[0].topic} have the times of two clocks: none ever match"
+        yield RunFault(text, "wrong-stamp", info.node)
