@@ -48,14 +48,20 @@ from report_examples import (
 )
 
 from lab3_usd.data import LAB_VARIABLE
-from lab3_usd.model.finding import Report
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.releases import BASE
+from lab3_usd.model.finding import Report, StageResult
+from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.entries import plural, summarize
 from lab3_usd.report.formats.registry import render
+from lab3_usd.report.html.model import read_content
 from lab3_usd.report.html.pictures import _view
 from lab3_usd.report.options import Options
 from lab3_usd.report.picture.model import HEADER, Box, LegendEntry, Picture
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read import stage_reader
+from lab3_usd.stage.read.stage_reader import read_stage
 
 MARKUP = (
     *HOSTILE,
@@ -562,3 +568,19 @@ def test_the_pictures_of_a_stage_of_no_lab_are_those_of_the_linter(tmp_path: Pat
     assert "3 transforms, 1 in another tree" in shown
     assert "10 nodes, 11 wires, 1 with an error" in shown
     assert "not asked for" not in shown
+
+
+@pytest.mark.parametrize(("judged_by", "read_by"), [("5.1", "5.1"), ("", BASE)])
+def test_a_page_reads_a_stage_by_the_release_that_judged_it(
+    judged_by: str, read_by: str, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    releases = []
+
+    def noted(path: Path, platform: Platform) -> StageModel:
+        releases.append(platform.release)
+        return read_stage(path, platform)
+
+    monkeypatch.setattr(stage_reader, "read_stage", noted)
+    path = str(REPOSITORY / "docs/examples/carter.usda")
+    assert read_content(StageResult(path, None, release=judged_by), load_lab()) is not None
+    assert releases == [read_by]

@@ -12,9 +12,11 @@ from own_rules import add_failing_rule
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.check.checker import judge
+from lab3_usd.isaac.releases import BASE
 from lab3_usd.model import stage as derived
 from lab3_usd.model.prims import Prims
 from lab3_usd.model.stage import StageModel
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -51,6 +53,13 @@ def odd(path: Path) -> Usd.Stage:
     stage.DefinePrim("/World/stray", FORM.node_type)
     stage.DefinePrim("/World/stray/below", "Cube")
     return stage
+
+
+def test_a_stage_that_is_kept_open_is_read_by_each_release(built: Path) -> None:
+    with opening.kept_open():
+        earlier, base = (read_stage(built, lint_platform(name)) for name in ("5.1", BASE))
+        assert (earlier.platform.release, base.platform.release) == ("5.1", BASE)
+        assert read_stage(built, lint_platform(BASE)) is base
 
 
 def eager(stage: Usd.Stage, model: StageModel) -> Prims:

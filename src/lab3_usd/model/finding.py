@@ -245,6 +245,7 @@ class StageResult(Struct, frozen=True):
 
     `gaps` say what matters and could not be judged: with one, a stage without errors is no pass.
     `hidden` are findings that a baseline knows: no report lists them, and each says how many.
+    `release` is the one that a stage without a spec was read by, '' for that of the lab.
     """
 
     path: str
@@ -256,6 +257,7 @@ class StageResult(Struct, frozen=True):
     coverage: NodeCoverage | None = None
     gaps: tuple[str, ...] = ()
     hidden: tuple[Finding, ...] = ()
+    release: str = ""
 
     @property
     def verdict(self) -> Verdict:

@@ -158,6 +158,7 @@ def judge_stage(
             not_judged=judged.not_judged,
             coverage=judged.coverage,
             gaps=judged.gaps,
+            release=platform.release if at is None else "",
         )
         if at is not None and settings.starter is not None:
             from lab3_usd.pipeline.starter_comparison import against_starter, opened_starter

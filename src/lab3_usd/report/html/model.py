@@ -59,7 +59,8 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
     from lab3_usd.stage.read.stage_reader import read_stage
 
     try:
-        model = read_stage(Path(result.path), lab.platform)
+        platform = lab.platform.in_release(result.release or lab.platform.release)
+        model = read_stage(Path(result.path), platform)
     except (Lab3Error, OSError, ValueError):
         return None
     checkpoint = lab.checkpoints.get(result.checkpoint or "")

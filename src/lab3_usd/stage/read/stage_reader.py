@@ -80,7 +80,8 @@ def read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
         StageError: the file is damaged in a way that shows only now.
     """
     with stage_errors(path):
-        return cached(("model", id(stage)), lambda: _read_model(held(stage), platform, path))
+        key = ("model", id(stage), platform)
+        return cached(key, lambda: _read_model(held(stage), platform, path))
 
 
 def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
