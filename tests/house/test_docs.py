@@ -436,3 +436,19 @@ def test_the_changelog_tells_of_this_version() -> None:
     version = re.search(r'^version = "(.+)"$', (ROOT / "pyproject.toml").read_text(), re.MULTILINE)
     assert version
     assert f"## [{version[1]}]" in (ROOT / "CHANGELOG.md").read_text()
+
+
+# ---- size
+
+MOST_WORDS = 30_000
+GENERATED = r"<!-- (Written by|Below: written by|table:) "  # what follows is made by a script
+
+
+def words_by_hand(page: Path) -> int:
+    return len(re.split(GENERATED, page.read_text(encoding="utf-8"), maxsplit=1)[0].split())
+
+
+def test_the_pages_that_people_write_stay_short() -> None:
+    words = {name_of(page): words_by_hand(page) for page in PAGES if page.name != "CHANGELOG.md"}
+    assert words["docs/rules.md"] < 10, "its words are those of the rules"
+    assert sum(words.values()) <= MOST_WORDS, words
