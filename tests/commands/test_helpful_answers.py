@@ -89,6 +89,16 @@ def test_lint_makes_the_likely_repairs_that_fix_makes(carter: Path) -> None:
     assert by_lint != lab3("lint", carter, "--fix", "--diff").stdout
 
 
+@pytest.mark.parametrize("command", ["sim", "bag"])
+def test_who_asks_for_html_is_told_of_the_page(command: str, carter: Path) -> None:
+    assert "--page FILE writes an HTML page" in answer(command, carter, "--format", "html")
+    assert "'xml' is not one of 'text', 'json'" in answer(command, carter, "--format", "xml")
+
+
+def test_a_command_without_pages_tells_of_none(carter: Path) -> None:
+    assert "'html' is not one of" in answer("topics", carter, "--format", "html")
+
+
 def test_what_is_no_baseline_names_no_other_command(carter: Path) -> None:
     path = carter.with_name("bad.json")
     path.write_text("{")

@@ -100,8 +100,8 @@ def command(
     unless --submission is given. With --untrusted, PATHS are untrusted submissions: folders or
     archives.
 
-    Exit status: 0 no findings, 1 findings or not judged, 2 wrong usage or no such path, 3 the
-    program itself failed.
+    Exit status: 0 no errors, 1 errors or not judged, 2 wrong usage or no such path, 3 the program
+    itself failed.
     """
     if asked.untrusted:
         _refuse_trust(asked, report, configuration, view)

@@ -275,10 +275,24 @@ view_options = all_of(
     recorded("view", ViewOptions),
 )
 
+
+class _TextOrJson(click.Choice[str]):
+    """Text or JSON; who asks for a page is told how a command writes one, if it does."""
+
+    def __init__(self) -> None:
+        super().__init__(["text", "json"])
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> str:
+        has_page = ctx is not None and any("--page" in each.opts for each in ctx.command.params)
+        if value == "html" and has_page:
+            self.fail("--page FILE writes an HTML page", param, ctx)
+        return super().convert(value, param, ctx)
+
+
 text_or_json: Option = click.option(
     "--format",
     "form",
-    type=click.Choice(["text", "json"]),
+    type=_TextOrJson(),
     default="text",
     show_default=True,
     help="Format of the report.",
