@@ -15,7 +15,7 @@ from lab3_usd.author.adding import Added, AddOptions, add_graphs
 from lab3_usd.author.request import Options, Request
 from lab3_usd.errors import AmbiguousError, UsageError
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.pipeline.stage import lint_stage
+from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 
 
 def add(
@@ -334,9 +334,9 @@ def test_json_names_what_was_inferred_and_from_what(tmp_path: Path) -> None:
 
 
 def test_a_release_without_a_node_type_refuses_its_recipe(tmp_path: Path) -> None:
-    answer = lab3("add", "tf", rover_at(tmp_path), "--isaac", "5.1")
+    answer = lab3("add", "lidar", rover_at(tmp_path), "--isaac", "2022.2")
     assert answer.returncode == 2
-    assert "5.1" in answer.stderr
+    assert "2022.2 has no" in answer.stderr
 
 
 def test_a_graph_with_other_outputs_is_renewed_as_a_whole(tmp_path: Path) -> None:
@@ -384,3 +384,30 @@ def test_the_help_is_one_page_of_80_columns(monkeypatch: pytest.MonkeyPatch) -> 
     lines = paragraphs.splitlines()
     assert max(map(len, lines)) <= 80
     assert [line for line in lines if line.startswith("   ") or "  " in line.strip()] == []
+
+
+def test_before_6_0_the_publisher_of_frames_looks_at_the_prims_itself(tmp_path: Path) -> None:
+    rover = rover_at(tmp_path)
+    for kind in ("clock", "odometry"):
+        assert invoke("add", kind, rover, "--isaac", "5.1", "--in-place").exit_code == 0
+    stage = Usd.Stage.Open(str(rover))
+    nodes = [prim for prim in stage.Traverse() if prim.GetTypeName() == "OmniGraphNode"]
+    types = [node.GetAttribute("node:type").Get() for node in nodes]
+    assert "isaacsim.core.nodes.IsaacComputeTransformTree" not in types
+    assert lint_stage(rover, JudgeSettings(release="5.1")).findings == ()
+    assert "nothing to add" in invoke("add", "odometry", rover, "--isaac", "5.1").output
+
+
+def test_the_variant_in_which_a_robot_lives_is_said(tmp_path: Path) -> None:
+    rover = rover_at(tmp_path)
+    stage = new_stage(tmp_path / "chosen.usda")
+    robot = stage.DefinePrim("/World/Chosen", "Xform")
+    variants = robot.GetVariantSets().AddVariantSet("robot")
+    variants.AddVariant("rover")
+    variants.SetVariantSelection("rover")
+    with variants.GetVariantEditContext():
+        robot.GetReferences().AddReference(str(rover), "/World/Rover")
+    stage.Save()
+    told = invoke("add", "drive", tmp_path / "chosen.usda").output
+    assert "robot=rover of /World/Chosen" in told
+    assert "variant" not in invoke("add", "drive", rover).output

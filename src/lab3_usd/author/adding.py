@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -30,7 +30,7 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.stage.edit.added import added_prims
+from lab3_usd.stage.edit.added import added_prims, variants_at
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.stage_reader import read_model
@@ -169,6 +169,14 @@ def with_frames(request: Request, model: StageModel) -> tuple[Request, ...]:
 _FRAMES = "tf"
 
 
+def _variants(editing: Editing, subject: str) -> Iterator[Hole]:
+    """Yield the variants in which a robot or sensor lives."""
+    selected = ", ".join(variants_at(editing.session.stage, subject)) if subject else ""
+    if selected:
+        why = "with another one selected the graph may find nothing"
+        yield Hole("variant", selected, "variant", selected, why)
+
+
 def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition:
     """Add one graph to a stage that is being edited.
 
@@ -189,7 +197,7 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     task = Task(model, recipe, request.options, path, robot, sensor, options.force)
     holes = fill(task)
     values = {hole.name: hole.value for hole in holes}
-    shown = tuple(hole for hole in holes if hole.label)
+    shown = tuple(hole for hole in (*holes, *_variants(editing, subject)) if hole.label)
     try:
         graph, shared = filled(recipe, path, values, editing.platform)
     except GraphError as error:

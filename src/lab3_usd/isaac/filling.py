@@ -11,6 +11,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.recipes import Recipe, RecipeNode
 
 _HOLE, _NOT = "$", "!"
+_PARTS = "."  # between the parts of the name of a type, which the name of a hole does not have
 
 
 def filled(
@@ -24,7 +25,7 @@ def filled(
     nodes: dict[str, list[Node]] = {}
     shared: set[str] = set()
     for role, entry in recipe.nodes.items():
-        if all(_is_met(name, values) for name in entry.when):
+        if all(_is_met(name, values, platform) for name in entry.when):
             nodes[role] = list(_nodes(role, entry, values, platform))
             shared |= {node.role for node in nodes[role]} if entry.shared else set()
     wires = [wire for text in recipe.wires for wire in _wires(text, nodes)]
@@ -33,9 +34,11 @@ def filled(
     )
 
 
-def _is_met(condition: str, values: Mapping[str, Any]) -> bool:
+def _is_met(condition: str, values: Mapping[str, Any], platform: Platform) -> bool:
+    """Whether a hole is filled, or the release has a node type, or the contrary."""
     name = condition.removeprefix(_NOT)
-    return bool(values.get(name)) != condition.startswith(_NOT)
+    holds = name in platform.types if _PARTS in name else bool(values.get(name))
+    return holds != condition.startswith(_NOT)
 
 
 def _nodes(

@@ -1,7 +1,8 @@
 """Recipes: Action Graphs with holes, which facts of a stage fill.
 
 A hole is a value `$name`. A node with `when` is there while all of these holes are filled (`!name`:
-while it is not), one with `each` once for each entry of a list; `$item.key` is a hole of the entry.
+while it is not) and the release has the node types that it names, one with `each` once for each
+entry of a list; `$item.key` is a hole of the entry.
 """
 
 from __future__ import annotations

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 from msgspec import Struct
@@ -98,3 +98,11 @@ def sublayers(path: Path) -> list[Path]:
     root = stage.GetRootLayer()
     found = (root.ComputeAbsolutePath(name) for name in root.subLayerPaths)
     return [Path(name) for name in found if name]
+
+
+def variants_at(stage: Usd.Stage, path: str) -> Iterator[str]:
+    """Yield the variants that are selected at a prim and above it, in words."""
+    for prefix in Sdf.Path(path).GetPrefixes():
+        sets = stage.GetPrimAtPath(prefix).GetVariantSets()
+        for name in sets.GetNames():
+            yield f"{name}={sets.GetVariantSelection(name) or 'none'} of {prefix}"
