@@ -62,7 +62,6 @@ EQUALS: dict[str, Change] = {
     "a little tilted": put(LIDAR, ELEVATION, [0.5]),
     "the sensor's own frame": author(LIDAR, f"{CORE}outputFrameOfReference", "Token", "SENSOR"),
     "nothing said of accumulation": clear(LIDAR, f"{CORE}accumulateOutputs"),
-    "no accumulation, as by schema": switch(LIDAR, f"{CORE}accumulateOutputs"),
     **{
         f"no {name}": author(LIDAR, f"{CORE}emitterState:s001:{name}", kind, [])
         for name, kind in (("bank", "UIntArray"), ("horOffsetM", "FloatArray"))
@@ -275,6 +274,10 @@ OTHERS: dict[str, tuple[Change, str]] = {
         ELEVATION,
     ),
     "solid state": (put(LIDAR, f"{CORE}scanType", "SOLID_STATE"), f"{CORE}scanType"),
+    "one frame alone": (
+        switch(LIDAR, f"{CORE}accumulateOutputs"),
+        f"{CORE}accumulateOutputs",
+    ),
     "world frame": (
         author(LIDAR, f"{CORE}outputFrameOfReference", "Token", "WORLD"),
         f"{CORE}outputFrameOfReference",

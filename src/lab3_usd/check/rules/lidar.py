@@ -340,7 +340,7 @@ def _part_of_circle(values: SensorValues, scan: ScanSpec) -> Iterator[_Fault]:
 
 def _other_points(values: SensorValues, scan: ScanSpec) -> Iterator[_Fault]:
     for name, kept in scan.keep.items():
-        actual = values.get(name)
+        actual = values.written.get(name)
         if actual is not None and not same_value(actual, kept.value):
             expected = display(kept.value)
             message = f"{name} is {display(actual)}, expected {expected}; {kept.otherwise}"

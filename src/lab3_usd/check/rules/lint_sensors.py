@@ -170,19 +170,21 @@ def _problem(prim: Prim, fault: SensorFault, subject: LintSubject) -> Problem:
 
 @rule("K73", "partial-scans", scope="lint", severity="warning")
 def partial_scans(subject: LintSubject) -> Iterator[Problem]:
-    """A lidar is read at another rate than it turns.
+    """A lidar is read at another rate than it turns, or does not accumulate its scan.
 
     Why: if it is read more often than it turns, each message covers a part of the circle, and the
-    rest of the scan is empty. With a tick rate of 0 it is read at every frame. A rate that is not
-    set is 10.
+    rest of the scan is empty, as it is without accumulation: -1. With a tick rate of 0 it is read
+    at every frame. A rate that is not set is 10.
 
-    Fix: set tick rate and scan rate to the same number.
+    Fix: set tick rate and scan rate to the same number, and Accumulate Outputs to True.
 
     Example: `tickRate = 60` beside `scanRateBaseHz = 10`.
 
-    Basis: NVIDIA's Lidar class warns where the rates differ (`lidar.py:141-156`). The renderer is
-    not public; that a tick rate of 0 means every frame is shown for cameras
-    (`test_camera.py:1421`). Before 6.0 the tick rate had no effect.
+    Basis: NVIDIA's Lidar class warns where the rates differ (`lidar.py:141-156`), and its lidars
+    accumulate (`lidar.py:53-56`); the writer fills the rest of each scan with -1
+    (`OgnROS2PublishLaserScan.cpp:169`). The renderer is not public; that a tick rate of 0 means
+    every frame is shown for cameras (`test_camera.py:1421`). Before 6.0 the tick rate had no
+    effect.
     """
     since, names = subject.platform.changes.sensors.since, subject.platform.sensor_models.lidar
     release = subject.platform.release
@@ -190,6 +192,11 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
         return
     before = subject.moved_from
     is_moved = before is not None and leads_past(since, before.release, release)
+    flat = {
+        path
+        for node, _, path in read_sensors(subject.stage)
+        if effective_value(node, KIND, subject.live) == _FLAT
+    }
     for prim in read_lidars(subject.stage):
         values = values_of(prim, subject.stage)
         tick, turns = values.number(names.rate), values.number(names.turns)
@@ -203,6 +210,16 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
                 fix=_rated(prim, names.rate, values, turns),
                 likely=not is_moved,  # before, it was read as often as it turned
                 rests_on=subject.stage.unknown_value(prim, names.rate, names.turns),
+            )
+        if values.written.get(names.whole) is False and prim.path in flat:
+            yield Problem(
+                prim.path,
+                f"{names.whole} is False: a scan has the points of one frame, else -1",
+                property=names.whole,
+                expected="True",
+                actual="False",
+                fix=(SetValue(prim.path, names.whole, "bool", True),),  # noqa: FBT003 - a value
+                likely=True,
             )
 
 
