@@ -189,6 +189,7 @@ def test_a_table_without_lines_takes_everything_back(here: Path) -> None:
     ("line", "why"),
     [
         ("jim,clock,1,x", "line 2: no student is called 'jim'"),
+        ("janes,clock,1,x", "line 2: no student is called 'janes'; did you mean jane?"),
         ("joe,klock,1,x", "line 2: the rubric has no item 'klock'; it has starter, clock,"),
         ("joe,clock,10.5,x", "line 2: 10.5 points are more than the item's 10"),
         ("joe,clock,+11,x", "line 2: +11 points are more than the item's 10"),

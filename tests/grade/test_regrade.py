@@ -51,6 +51,14 @@ def another(tmp_path: Path) -> Rubric:
     return load_rubric(path, LAB)
 
 
+def test_a_misspelt_student_is_guessed(book: Path) -> None:
+    of_class = read_gradebook(book)
+    with pytest.raises(UsageError, match=r"janes: no such student; did you mean jane\?"):
+        student_in(of_class, "janes")
+    with pytest.raises(UsageError, match=r"xavier: no such student$"):
+        student_in(of_class, "xavier")
+
+
 def test_the_sum_of_a_student_names_every_item_and_deduction(book: Path) -> None:
     of_class = read_gradebook(book)
     lines = list(sum_of(of_class, student_in(of_class, "joe")))

@@ -44,6 +44,11 @@ def test_a_tree_is_drawn_in_the_order_it_is_published() -> None:
     ]
 
 
+def test_white_space_around_a_frame_is_shown() -> None:
+    report = TreeReport("x", (Edge("odom ", "base ", "/g/p", "/g/p", "/tf"),))
+    assert list(as_lines(report)) == ["'odom '", "└── 'base '"]
+
+
 def test_verbose_names_the_publishers() -> None:
     assert text("odom base /g/raw", verbose=True) == ["odom", "└── base  <- /g/raw (/tf)"]
 

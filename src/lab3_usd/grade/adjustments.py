@@ -9,6 +9,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd.errors import UsageError
+from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.files import write_whole
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.text_table import TextTable, read_text_table
@@ -64,7 +65,9 @@ def adjustments_in(
         called = [student] if student in numbers else names.get(student.casefold(), [])
         if len(called) != 1:
             what = "several students have the name" if called else "no student is called"
-            raise UsageError(f"{place}: {what} '{student}'; give the number of grades.csv")
+            near = None if called else likely_name(student, {*numbers, *names})
+            ways = did_you_mean(near) or "; give the number of grades.csv"
+            raise UsageError(f"{place}: {what} '{student}'{ways}")
         if item not in points:
             raise UsageError(
                 f"{place}: the rubric has no item '{item}'; it has {', '.join(points)}"

@@ -12,6 +12,7 @@ from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
+from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.files import write_whole
 from lab3_usd.grade.adjustments import Adjustment, ByItem, adjustments_in
 from lab3_usd.grade.deductions import carried_text
@@ -63,9 +64,11 @@ def student_in(book: Row, name: str) -> Row:
     rows = book["students"]
     found = [row for row in rows if row["student"] == name]
     found = found or [row for row in rows if row["name"].casefold() == name.casefold()]
-    if len(found) != 1:
-        why = "several students have this name; give the number" if found else "no such student"
-        raise UsageError(f"{name}: {why}")
+    if len(found) > 1:
+        raise UsageError(f"{name}: several students have this name; give the number")
+    if not found:
+        known = {row["name"] or row["student"] for row in rows} | {row["student"] for row in rows}
+        raise UsageError(f"{name}: no such student{did_you_mean(likely_name(name, known))}")
     return dict(found[0])
 
 

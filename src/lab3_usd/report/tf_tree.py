@@ -68,6 +68,11 @@ class TreeReport(Struct, frozen=True):
         return f"  <- {printable(publisher)} ({topic}{f', {printable(rate)}' if rate else ''})"
 
 
+def shown_frame(name: str) -> str:
+    """Return a frame as a line shows it: in quotes where white space around it would not show."""
+    return printable(name if name == name.strip() else f"'{name}'")
+
+
 def tree_name(heard: HeardTree, trees: Sequence[HeardTree]) -> str:
     """Return the name of one of several trees: its topic, with its domain if these differ."""
     is_one = len({each.domain for each in trees}) == 1
@@ -93,11 +98,11 @@ def as_lines(
         drawn: set[str] = set()
         roots = heard.tree.roots
         for top in roots:
-            yield printable(top)
+            yield shown_frame(top)
             yield from _branches(top, heard.tree, report, drawn, width, verbose=verbose)
         most = max(1, len(report.tops.intersection(roots)))
         if len(roots) > most and not report.hidden:
-            tops, right = ", ".join(map(printable, roots)), "one" if most == 1 else most
+            tops, right = ", ".join(map(shown_frame, roots)), "one" if most == 1 else most
             yield f"! {len(roots)} roots, where there must be {right}: {tops}"
     for path in report.unknown:
         yield f"! {printable(path)} publishes frames that the stage does not define"
@@ -118,7 +123,7 @@ def _branches(
     ahead = _rows(top, "", children)
     while ahead:
         edge, lead, is_last = ahead.pop()
-        line = lead + ("└── " if is_last else "├── ") + printable(edge.child)
+        line = lead + ("└── " if is_last else "├── ") + shown_frame(edge.child)
         line += "  (static)" if edge.static else ""
         line += "" if edge.sure else "  (perhaps)"
         how = report.how(edge.publisher, edge.topic) if verbose else ""
