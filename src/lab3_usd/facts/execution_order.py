@@ -344,7 +344,16 @@ def is_switched_on(node: Node, live: Nodes) -> bool:
 
 
 def shut_gate(node: Node, live: Nodes, platform: Platform) -> str | None:
-    """Return the input that lets no signal through, because it is 0; None for another node."""
+    """Return the input that lets no signal through; None for another node.
+
+    It is 0, or of a door, to which no signal comes or which nothing opens.
+    """
+    door = platform.doors.get(node.type_name)
+    if door is not None and not live_sources(node, INPUT + door.enter, live):
+        return INPUT + door.enter
+    if door is not None and not live_sources(node, INPUT + door.toggle, live):
+        is_closed = effective_value(node, INPUT + door.closed, live) is True
+        return INPUT + door.closed if is_closed else None
     gate = platform.gates.get(node.type_name)
     is_shut = gate is not None and effective_value(node, INPUT + gate, live) == 0
     return f"{INPUT}{gate}" if is_shut else None

@@ -185,6 +185,17 @@ class Building(Struct, frozen=True, forbid_unknown_fields=True):
     modes: Mapping[str, str]
 
 
+class Door(Struct, frozen=True, forbid_unknown_fields=True):
+    """The inputs of a gate that opens and closes: signals that may pass, and that change it.
+
+    It begins shut while the input `closed` is True.
+    """
+
+    enter: str
+    toggle: str
+    closed: str
+
+
 class SingleSignal(Struct, frozen=True, forbid_unknown_fields=True):
     """Outputs that signal once, unless a wire reaches `again`.
 

@@ -11,6 +11,7 @@ from msgspec.structs import replace
 from lab3_usd.isaac.behaviour import (
     BodyOf,
     Building,
+    Door,
     JointsOf,
     Need,
     QuantityOf,
@@ -87,6 +88,7 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     once: Mapping[str, SingleSignal]
     passing: frozenset[str]
     gates: Mapping[str, str]
+    doors: Mapping[str, Door]
     scripts: Scripts
     building: Building
     world_frame: str

@@ -30,6 +30,7 @@ from lab3_usd.facts.stalled_nodes import (
     stops,
 )
 from lab3_usd.facts.stuck_nodes import switched_off_target
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import OVER, Node
@@ -231,7 +232,8 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
 
     Why: with Enabled off, a helper publishes nothing, and a render product is not created, so its
     helpers publish nothing either. A sensor that is switched off is not read. A gate with a step of
-    0 passes no signal, and a Branch whose condition stays the same signals at one output only.
+    0, or one that starts closed and that nothing opens, passes no signal, and a Branch whose
+    condition stays the same signals at one output only.
 
     Fix: if this is not intended, switch Enabled on, set the step to 1 or more, or connect the
     condition to what decides.
@@ -264,17 +266,26 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
             )
         gate = shut_gate(node, subject.live, subject.platform)
         waiting = feeds(node, subject.stage) if gate is not None else []
-        if waiting:
+        if gate is not None and waiting:
             yield Problem(
                 node.path,
-                f"{gate} is 0: no signal reaches {', '.join(target.name for target in waiting)}",
+                f"{_why_shut(node, gate, subject)}: no signal reaches "
+                f"{', '.join(target.name for target in waiting)}",
                 property=gate,
-                expected="1 or more",
-                actual="0",
+                expected="what lets signals pass",
                 related=tuple(target.path for target in waiting),
                 severity="warning",
             )
         yield from _never_chosen(node, subject)
+
+
+def _why_shut(node: Node, port: str, subject: LintSubject) -> str:
+    door = subject.platform.doors.get(node.type_name)
+    if door is None:
+        return f"{port} is 0"
+    if port == INPUT + door.enter:
+        return f"{port} is not connected"
+    return f"{port} is True, and nothing opens the gate at {INPUT}{door.toggle}"
 
 
 def _never_chosen(node: Node, subject: LintSubject) -> Iterator[Problem]:

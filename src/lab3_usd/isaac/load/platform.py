@@ -14,6 +14,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.behaviour import (
     BodyOf,
     Building,
+    Door,
     JointsOf,
     Need,
     QuantityOf,
@@ -57,6 +58,7 @@ class _SystemFile(Struct, forbid_unknown_fields=True):
     once: dict[str, SingleSignal]
     passing: frozenset[str]
     gates: dict[str, str]
+    doors: dict[str, Door]
     scripts: Scripts
     building: Building
     world_frame: str
@@ -227,6 +229,7 @@ def assemble_platform(folder: Path) -> Platform:
         once=system.once,
         passing=system.passing,
         gates=system.gates,
+        doors=system.doors,
         scripts=system.scripts,
         building=system.building,
         world_frame=system.world_frame,
