@@ -37,8 +37,8 @@ from lab3_usd.facts.frames import (
     unknown_publishers,
     unresolved_frames,
 )
+from lab3_usd.facts.message_frames import MessageFrame, message_frames
 from lab3_usd.facts.reaching_values import effective_value
-from lab3_usd.facts.written_names import MessageFrame, message_frames
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import BODY_API

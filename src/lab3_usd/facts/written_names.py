@@ -1,4 +1,4 @@
-"""The trees of frames that any stage publishes, and names as nodes write them."""
+"""Names of topics, frames and namespaces as nodes write them."""
 
 from __future__ import annotations
 
@@ -8,20 +8,14 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from lab3_usd.facts.endpoints import (
-    Endpoint,
-    endpoints,
     namespace_of,
     ros_name,
     used_topics,
 )
-from lab3_usd.facts.execution_order import is_switched_on, live_nodes, nodes_of, run_states
-from lab3_usd.facts.frame_targets import tf_ports
-from lab3_usd.facts.frames import tf2_name
-from lab3_usd.facts.reaching_values import effective_value, live_sources
-from lab3_usd.isaac.topics import frame_ports
-from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.facts.execution_order import is_switched_on, live_nodes, run_states
+from lab3_usd.facts.reaching_values import effective_value
+from lab3_usd.model.stage import Node, StageModel
 
-_POSE = ("inputs:position", "inputs:translation")
 _WHOLE = r"^/?([A-Za-z0-9].*[A-Za-z0-9]|[A-Za-z0-9])$"
 
 
@@ -77,107 +71,3 @@ def refused_namespaces(stage: StageModel) -> Iterator[tuple[Node, str]]:
         if namespace and namespace not in refused and ros_name(namespace, "topic") is None:
             refused.add(namespace)
             yield node, namespace
-
-
-class MessageFrame(Struct, frozen=True, eq=False):
-    """A frame that a message names, in its setting `port`."""
-
-    endpoint: Endpoint
-    port: str
-    name: str
-
-
-@once_per_stage
-def message_frames(stage: StageModel) -> tuple[MessageFrame, ...]:
-    """Return the frames that messages name which are sent, but those of transforms themselves."""
-    live, named = live_nodes(stage), dict[tuple[str, str], MessageFrame]()
-    for endpoint in endpoints(stage):
-        node, kind = endpoint.node, endpoint.node.type
-        is_sent = endpoint.runs and endpoint.direction == "publishes"
-        if kind is None or kind.tf is not None or not is_sent:
-            continue
-        for port in frame_ports(kind, endpoint.port):
-            name = effective_value(node, port, live)
-            if isinstance(name, str):
-                named.setdefault((node.path, port), MessageFrame(endpoint, port, name))
-    return tuple(named.values())
-
-
-class OdometryPair(Struct, frozen=True, eq=False):
-    """A message and a transform that tell the same pose, with the frames of both.
-
-    The ports are those that name the children, `names` all those that name frames, by node. A
-    message is not `sent` where its publisher does not run.
-    """
-
-    publisher: Node
-    port: str
-    message: tuple[str, str]
-    tree: Node
-    tree_port: str
-    transform: tuple[str, str]
-    sent: bool
-
-    @property
-    def names(self) -> tuple[tuple[str, str], ...]:
-        """The nodes and ports that name the frames of both."""
-        nodes = (self.publisher, self.tree)
-        return tuple((node.path, port) for node in nodes for port in _name_ports(node))
-
-
-class _NamedPose(Struct, frozen=True, eq=False):
-    """A pose with named frames: the port of the child, both frames, and who computes it."""
-
-    node: Node
-    port: str
-    frames: tuple[str, str]
-    maker: str
-    is_transform: bool
-    sent: bool
-
-
-def odometry_pairs(stage: StageModel) -> Iterator[OdometryPair]:
-    """Yield messages and transforms whose pose comes from one node."""
-    poses = [
-        pose
-        for node in nodes_of(lambda kind: any(map(kind.port, _POSE)), stage)
-        if (pose := _named_pose(node, stage))
-    ]
-    transforms: dict[str, list[_NamedPose]] = {}
-    for pose in poses:
-        if pose.is_transform and pose.sent:
-            transforms.setdefault(pose.maker, []).append(pose)
-    for message in poses:
-        if not message.is_transform:
-            for transform in transforms.get(message.maker, ()):
-                yield OdometryPair(
-                    message.node,
-                    message.port,
-                    message.frames,
-                    transform.node,
-                    transform.port,
-                    transform.frames,
-                    message.sent,
-                )
-
-
-def _name_ports(node: Node) -> tuple[str, ...]:
-    """Return the inputs by which a node names frames: of its transform, else of its message."""
-    return tf_ports(node).names or (() if node.type is None else node.type.frames)
-
-
-def _named_pose(node: Node, stage: StageModel) -> _NamedPose | None:
-    sources = (
-        source for port in _POSE for source, _ in live_sources(node, port, live_nodes(stage))
-    )
-    maker = next(sources, None)
-    if node.type is None or maker is None:
-        return None
-    names, ports = tf_ports(node).names, _name_ports(node)
-    values = [effective_value(node, port, live_nodes(stage)) for port in ports]
-    texts = [value for value in values if isinstance(value, str)]
-    if len(texts) != len(_POSE) or len(ports) != len(_POSE):
-        return None
-    frames = (tf2_name(texts[0]), tf2_name(texts[1])) if names else (texts[0], texts[1])
-    is_sent = node.path in run_states(stage)
-    return _NamedPose(node, ports[1], frames, maker.path, bool(names), is_sent)

@@ -19,11 +19,11 @@ from lab3_usd.facts.frames import (
     robots_shown,
     shared_tf_topics,
 )
+from lab3_usd.facts.message_frames import MessageFrame, message_frames
 from lab3_usd.facts.reaching_values import Nodes
 from lab3_usd.facts.stalled_nodes import is_needed
 from lab3_usd.facts.stuck_nodes import is_module
 from lab3_usd.facts.wires import connections, find_cycles
-from lab3_usd.facts.written_names import MessageFrame, message_frames
 from lab3_usd.isaac.graph_form import GraphAttribute
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding, Place, Problem, Requirement

@@ -12,8 +12,8 @@ from lab3_usd.check.lab_topics import once_there
 from lab3_usd.check.match.rule_inputs import TransformsSubject
 from lab3_usd.check.registry import frame_places, rule
 from lab3_usd.facts.frames import Edge
+from lab3_usd.facts.message_frames import odometry_pairs
 from lab3_usd.facts.tree import Tree, tree_of
-from lab3_usd.facts.written_names import odometry_pairs
 from lab3_usd.model.changes import SetValue
 from lab3_usd.model.finding import Problem, Severity
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.frames import Edge, HeardTree, heard_trees
-from lab3_usd.facts.written_names import odometry_pairs
+from lab3_usd.facts.message_frames import odometry_pairs
 from lab3_usd.model.finding import Problem
 
 
