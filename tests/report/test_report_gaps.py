@@ -6,10 +6,11 @@ import json
 from xml.etree import ElementTree as ET
 
 import pytest
+from msgspec.structs import replace
 from report_examples import GAP, NOT_JUDGED, PASSED
 from report_schema import assert_valid
 
-from lab3_usd.model.finding import NodeCoverage, Report
+from lab3_usd.model.finding import BuiltParts, NodeCoverage, Report
 from lab3_usd.report.entries import coverage_line
 from lab3_usd.report.formats.registry import all_formats, render
 from lab3_usd.report.options import Options
@@ -57,6 +58,20 @@ def test_the_page_of_a_stage_that_was_not_judged_is_no_pass() -> None:
     assert '<b class="verdict not judged">not judged</b>' in page
     assert "<h2>Not judged</h2>" in page
     assert 'class="clear"' not in page
+
+
+def test_a_stage_that_passes_is_not_listed_as_not_judged() -> None:
+    built = NodeCoverage(nodes=3, built=BuiltParts(graphs=1, wires=2))
+    page = render("html", Report((replace(PASSED, checkpoint=None, coverage=built),)))
+    assert "Not judged" not in page
+    assert "Judged in part" not in page
+
+
+def test_a_stage_that_passes_with_gaps_is_judged_in_part() -> None:
+    partly = NodeCoverage(nodes=3, partly={"./robot.usd": 2})
+    page = render("html", Report((replace(PASSED, checkpoint=None, coverage=partly),)))
+    assert "<h2>Judged in part</h2>" in page
+    assert "Not judged" not in page
 
 
 def test_a_line_of_jsonl_has_the_gap() -> None:

@@ -232,6 +232,12 @@ class NodeCoverage(Struct, frozen=True):
         """The number of nodes that were judged, in part at least."""
         return self.nodes - sum(self.waiting.values()) - sum(self.unknown.values())
 
+    @property
+    def is_whole(self) -> bool:
+        """Whether there were nodes, and nothing of them was left open."""
+        is_read = self.built is None or not self.built.unknown
+        return self.judged == self.nodes > 0 and not self.partly and is_read
+
 
 class Crash(Struct, frozen=True):
     """A rule that raised an exception: neither a pass nor a student's mistake."""

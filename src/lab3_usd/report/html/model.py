@@ -33,7 +33,7 @@ from lab3_usd.model.finding import (
 )
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.entries import coverage_line, is_repairable
-from lab3_usd.report.grouped_stages import Block, ReportedFault, Spot, Stages
+from lab3_usd.report.grouped_stages import Block, ReportedFault, Spot, Stage, Stages
 from lab3_usd.report.options import Options
 from lab3_usd.report.picture.model import Picture
 from lab3_usd.report.pictures.graph_picture import linted_pictures, stage_pictures
@@ -197,6 +197,13 @@ class ChecklistSection(Struct, frozen=True):
     items: tuple[ChecklistItem, ...]
 
 
+def _left_out(stage: Stage) -> Iterator[str]:
+    """Yield what was not judged of a stage, nothing where all of it was."""
+    coverage = stage.result.coverage
+    if coverage is not None and not coverage.is_whole:
+        yield coverage_line(coverage)
+
+
 class BlockView(Struct, frozen=True):
     """Everything that the page shows of one block; `to_come` says which stages are not begun.
 
@@ -215,13 +222,23 @@ class BlockView(Struct, frozen=True):
 
     @property
     def unknown(self) -> tuple[tuple[str, str], ...]:
-        """What could not be judged, with the file of the stage."""
-        lines = []
-        for stage in self.block.stages:
-            lines += [(stage.file, gap) for gap in stage.result.gaps]
-            coverage = stage.result.coverage
-            lines += [(stage.file, coverage_line(coverage))] if coverage is not None else []
-        return tuple((file, text) for file, text in lines if text)
+        """Why stages could not be judged, with the file of each."""
+        return tuple(
+            (stage.file, text)
+            for stage in self.block.stages
+            for text in (*stage.result.gaps, *_left_out(stage))
+            if stage.result.verdict == "not judged" or text in stage.result.gaps
+        )
+
+    @property
+    def partly(self) -> tuple[tuple[str, str], ...]:
+        """What could not be judged of stages that were, with the file of each."""
+        return tuple(
+            (stage.file, text)
+            for stage in self.block.stages
+            if stage.result.verdict != "not judged"
+            for text in _left_out(stage)
+        )
 
     @property
     def cards(self) -> tuple[Card, ...]:
