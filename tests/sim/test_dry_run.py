@@ -9,8 +9,8 @@ from breaking import Step, broken, correct_stage, the_lab
 from dry_runs import DRIVE, SHORT, TO_THE_WALL, driven, faults
 from fault_stages import MOTION
 from layerings import one_text_file
-from pxr import Gf, Usd, UsdGeom
-from scene_changes import ROBOT
+from pxr import Gf, Sdf, Usd, UsdGeom
+from scene_changes import ROBOT, put
 from second_author import Style
 
 from lab3_usd.sim.execution.recording import Odometry
@@ -245,3 +245,26 @@ def test_another_author_s_stage_behaves(tmp_path: Path, style: Style) -> None:
     starter = build_checkpoint(None, "00", tmp_path / "Lab3_00.usda")
     stage = Usd.Stage.Open(str(one_text_file(tmp_path, starter, "05", style)))
     assert faults(driven(stage)) == []
+
+
+def ramped(limit: float) -> Usd.Stage:
+    """Return a stage whose controller has acceleration limits, and the time step for them."""
+    stage, graph = correct_stage("02"), f"{ROBOT}/ROS_Drive"
+    controller = stage.GetPrimAtPath(f"{graph}/differential_controller")
+    for name in ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration"):
+        controller.CreateAttribute(f"inputs:{name}", Sdf.ValueTypeNames.Double).Set(limit)
+    tick = stage.GetPrimAtPath(f"{graph}/on_playback_tick")
+    seconds = tick.CreateAttribute("outputs:deltaSeconds", Sdf.ValueTypeNames.Double)
+    step = controller.CreateAttribute("inputs:dt", Sdf.ValueTypeNames.Double)
+    step.SetConnections([seconds.GetPath()])
+    return stage
+
+
+def test_a_robot_with_acceleration_limits_gets_going_and_stops_as_these_let_it() -> None:
+    assert faults(driven(ramped(0.5), wanted=DRIVING)) == []
+
+
+def test_acceleration_limits_hide_no_wrong_size() -> None:
+    stage = ramped(0.5)
+    put(f"{ROBOT}/ROS_Drive/differential_controller", "inputs:wheelRadius", 0.05)(stage)
+    assert "follows" in {each.name for each in faults(driven(stage)) if each.verdict == "bad"}

@@ -156,9 +156,11 @@ def test_an_articulation_is_read_by_each_of_its_parts(part: str) -> None:
     assert [*machine.joints] == ["slide_joint", "hand_joint"]
 
 
-def test_an_articulation_is_not_read_by_what_stands_above_its_root() -> None:
-    world = world_of(read_scene(sliding(), load_platform()), load_platform())
-    assert world.machines.viewed("/arm") is None
+def test_what_is_no_part_of_an_articulation_reads_none() -> None:
+    made = sliding()
+    body(made, "/crate", (0, 0, 0))
+    world = world_of(read_scene(made, load_platform()), load_platform())
+    assert world.machines.viewed("/crate") is None
 
 
 def heard(world: World, command: JointStates) -> Any:

@@ -149,6 +149,7 @@ EXPLAINED_BY: Mapping[FaultKind, tuple[str, str]] = {
     "goal-not-reached": ("E16", ""),
 }
 
+_FIRST_OF_ROBOTS = "K60"  # and those after it; the rules before are about graphs
 # Other rules that find them: of a robot that moves otherwise than commanded, those of its wheels.
 _OF_WHEELS = (
     *("S06", "S07", "S09", "S10", "S20", "S24", "S25", "S31"),
@@ -165,10 +166,14 @@ _ALSO: Mapping[FaultKind, Sequence[str]] = {
     "turn-off-centre": _OF_WHEELS,
     "no-wheel-contact": _OF_WHEELS,
     "no-ground": ("Y02", "K96", "S28"),
-    "unknown-joint": ("S07",),
+    "unknown-joint": ("S07", "K82"),
     "no-articulation": ("K82", "S05"),
+    "base-fixed-to-world": _OF_WHEELS,
+    "tips-over": _OF_WHEELS,
+    "locked-joint": _OF_WHEELS,
+    "no-velocity-drive": _OF_WHEELS,
     "wrong-domain": ("P01",),
-    "duplicate-publisher": ("L07",),
+    "duplicate-publisher": ("L07", "N07"),
     "wrong-stamp": ("P09", "K45", "K46"),
 }
 
@@ -233,8 +238,11 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
 
 def _is_of_part(finding: Finding) -> bool:
     """Whether a finding of lint is about a body, a joint or a shape: of which, no check tells."""
-    is_of_node = (finding.property or "").startswith(("inputs:", "outputs:", "node:", "evaluat"))
-    return finding.rule[0] in "KY" and not is_of_node
+    if finding.rule[0] not in "KY":
+        return False
+    if not finding.property:
+        return finding.rule >= _FIRST_OF_ROBOTS
+    return not finding.property.startswith(("inputs:", "outputs:", "node:", "evaluat"))
 
 
 def rules_named(behaviour: Behaviour, findings: Sequence[Finding]) -> Callable[[Check], str]:

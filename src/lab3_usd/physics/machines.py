@@ -107,13 +107,12 @@ class Machines:
         return machine if machine is not None and machine.joints else None
 
     def viewed(self, path: str) -> Machine | None:
-        """Return the articulation of which a prim is the root, a link or a joint.
+        """Return the articulation at or below a prim, or of which that is a link or a joint.
 
-        A view finds none by a prim above the root (NVIDIA-Omniverse/PhysX, BaseSimulationView.cpp,
-        `getArticulationAtPath`).
+        NVIDIA-Omniverse/PhysX, BaseSimulationView.cpp, `getArticulationAtPath`. Of a prim above the
+        root lint says that a view may not find it.
         """
-        prim = self.scene.prims.get(path)
-        found = self._articulation(path) if prim is not None and ROOT in prim.apis else None
+        found = self._articulation(path)
         if found is not None:
             return found
         joints = (m for m in self.machines for j in m.joints.values() if j.path == path)

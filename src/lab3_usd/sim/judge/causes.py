@@ -11,7 +11,7 @@ from msgspec import Struct
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.model.physics import FAR
+from lab3_usd.model.physics import FAR, number
 from lab3_usd.model.traction import Pull
 from lab3_usd.physics.machine import DRIVE, Joint, Machine
 from lab3_usd.sim.execution.node_instance import NodeInstance
@@ -87,6 +87,15 @@ class RunCauses(Struct, frozen=True):
         """Yield the parts of the graphs that never run or are dropped."""
         for path, failure in self.program.dead:
             yield Cause(path, failure.reason, failure.kind)
+
+    def ramps(self) -> tuple[float, float]:
+        """Return how fast a controller lets the robot go faster, and turn; 0 without a limit."""
+        for running in self.program.nodes.values():
+            names = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
+            up, down, turn = (abs(number(running.values.get(name)) or 0.0) for name in names)
+            if running.type.step_limits and ((up and down) or turn):
+                return running.unit(self.unit) * min(up, down), turn
+        return 0.0, 0.0
 
     def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from unknown nodes or missing assets."""

@@ -105,6 +105,9 @@ class Causes(Protocol):
     def of_graphs(self) -> Iterator[Cause]:
         """Yield the parts of the graphs that never run or are dropped."""
 
+    def ramps(self) -> tuple[float, float]:
+        """Return how fast a controller lets the robot go faster, and turn; 0 without a limit."""
+
     def doubt(self, check: str, fault: RunFault) -> bool:
         """Whether a fault may come from what is not known."""
 
@@ -220,6 +223,24 @@ class Trial(Struct):
         """Whether the robot does what it is commanded, by the wheels that it has."""
         least, most = SIZE if turning and self.scrubs else self.tolerance.size
         return least <= driven / (commanded * self.factor) <= most
+
+    def reached(self, speed: float, seconds: float, *, turning: bool = False) -> float:
+        """Return the part of a way that acceleration limits let a robot do, from rest."""
+        limit = self.causes.ramps()[turning] if self.causes is not None else 0.0
+        if not (limit and speed and seconds):
+            return 1.0
+        ramp = abs(speed) / limit / seconds  # the part of the time in which it gets going
+        return 1.0 - ramp / 2 if ramp < 1 else 1.0 / (2 * ramp)
+
+    @property
+    def has_ramps(self) -> bool:
+        """Whether acceleration limits let the robot get going and stop only slowly."""
+        return self.causes is not None and any(self.causes.ramps())
+
+    def judged_part(self, stretch: Stretch) -> tuple[Stretch, float]:
+        """Return the part of a leg by which it is judged, and the seconds in which it drives."""
+        part = stretch if self.has_ramps else stretch.steady
+        return part, part.seconds
 
     def expected_text(self, commanded: float, unit: str) -> str:
         """Return the motion that the wheels give for a command, if it differs."""

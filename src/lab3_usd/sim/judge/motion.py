@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping
-from itertools import islice, pairwise
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from itertools import islice, pairwise, takewhile
 
 from lab3_usd.model.dry_run import Affine, rotation
 from lab3_usd.model.fault import FaultKind
@@ -43,14 +43,26 @@ def rest(trial: Trial) -> Iterator[RunFault]:
     for at, (pose, following) in enumerate(pairwise(poses), start=1):
         if pose.leg != "stop" and following.leg == "stop":
             later = poses[at + SOON : at + 2 * SOON + 1]
-            if later and _moves(trial, displacement(later[0], later[-1])):
+            moves = bool(later) and _moves(trial, displacement(later[0], later[-1]))
+            if moves and not _slows_down(trial, poses[at:], following.leg):
                 yield trial.motion_fault(f"does not stop after {pose.leg}", "does-not-stop")
                 return
+
+
+def _slows_down(trial: Trial, poses: Sequence[Pose], name: str) -> bool:
+    """Whether a robot with acceleration limits comes to rest, as slowly as these let it."""
+    own = [*takewhile(lambda pose: pose.leg == name, poses)]
+    if not trial.has_ramps or len(own) <= 2 * SOON:
+        return trial.has_ramps
+    starts, ends = (displacement(*pair) for pair in ((own[0], own[SOON]), (own[-SOON], own[-1])))
+    return math.hypot(*ends) < SLOWER * math.hypot(*starts)
 
 
 def _standing(trial: Trial, stretch: Stretch) -> RunFault | None:
     leg, before, poses = stretch
     if not _moves(trial, displacement(before, poses[-1])):
+        return None
+    if leg.name != "idle" and _slows_down(trial, poses, leg.name):
         return None
     kind: FaultKind = "moves-uncommanded" if leg.name == "idle" else "moves-sideways"
     return trial.motion_fault(f"moves while commanded {leg.name}", kind)
@@ -80,9 +92,10 @@ def follows(trial: Trial) -> Iterator[RunFault]:
 def _straight(trial: Trial, stretch: Stretch) -> RunFault | None:
     leg, before, poses = stretch
     ahead, left, turned = displacement(before, poses[-1])
-    commanded, steady = leg.forward * leg.seconds, stretch.steady
-    part, _, _ = displacement(steady.before, steady.poses[-1])
-    if not trial.follows(part, leg.forward * steady.seconds):
+    commanded, (judged, seconds) = leg.forward * leg.seconds, trial.judged_part(stretch)
+    part, _, _ = displacement(judged.before, judged.poses[-1])
+    ideal = seconds * trial.reached(leg.forward, seconds)
+    if not trial.follows(part, leg.forward * ideal):
         if what := _stopped_by(trial, stretch, ahead / commanded):
             return _wall(what, f"commanded to go {commanded:.2f} m", f"after {ahead:.2f} m")
         text = f"commanded to go {commanded:.2f} m, went {ahead:.2f}"
@@ -106,8 +119,9 @@ def _wall(what: str, command: str, done: str) -> RunFault:
 def _turn(trial: Trial, stretch: Stretch) -> RunFault | None:
     leg, before, poses = stretch
     ahead, left, _ = displacement(before, poses[-1])
-    steady = stretch.steady
-    if not trial.follows(steady.turned, leg.turn * steady.seconds, turning=True):
+    judged, seconds = trial.judged_part(stretch)
+    ideal = seconds * trial.reached(leg.turn, seconds, turning=True)
+    if not trial.follows(judged.turned, leg.turn * ideal, turning=True):
         commanded, sense = math.degrees(abs(leg.turn * leg.seconds)), -1.0 if leg.turn < 0 else 1.0
         text = f"commanded {commanded:.0f} degrees {leg.name}, turned"
         text += (
@@ -122,15 +136,18 @@ def _turn(trial: Trial, stretch: Stretch) -> RunFault | None:
 
 
 def _arc(trial: Trial, stretch: Stretch) -> RunFault | None:
-    leg, steady = stretch.leg, stretch.steady
-    length, turn = abs(leg.forward) * steady.seconds, leg.turn * steady.seconds
-    if trial.follows(steady.path_length, length) and trial.follows(
-        steady.turned, turn, turning=True
+    leg, (judged, seconds) = stretch.leg, trial.judged_part(stretch)
+    length, turn = (
+        seconds * speed * trial.reached(speed, seconds, turning=turning)
+        for speed, turning in ((abs(leg.forward), False), (leg.turn, True))
+    )
+    if trial.follows(judged.path_length, length) and trial.follows(
+        judged.turned, turn, turning=True
     ):
         return None
     text = f"commanded to go {abs(leg.forward) * leg.seconds:.2f} m and turn"
     text += f" {math.degrees(leg.turn * leg.seconds):.0f} degrees"
-    if what := _stopped_by(trial, stretch, steady.path_length / length):
+    if what := _stopped_by(trial, stretch, judged.path_length / length):
         return _wall(what, text, f"after {stretch.path_length:.2f} m")
     text += f", did {stretch.path_length:.2f} m and {math.degrees(stretch.turned):.0f}"
     return trial.motion_fault(text, "wrong-arc")
@@ -151,7 +168,8 @@ def _at_limit(trial: Trial, stretch: Stretch) -> RunFault | None:
         return None
     ahead, left, _ = displacement(steady.before, steady.poses[-1])
     speed = (abs(steady.turned) if turning else math.hypot(ahead, left)) / steady.seconds
-    if trial.follows(speed, limit, turning=turning):
+    is_slow = trial.has_ramps and speed < limit * trial.factor  # and still gets faster
+    if is_slow or trial.follows(speed, limit, turning=turning):
         return None
     unit = "rad" if turning else "m"
     if what := _stopped_by(trial, stretch, speed / limit):
@@ -186,16 +204,17 @@ def again(trial: Trial) -> Iterator[RunFault]:
         poses = [pose for pose in played if pose.leg == leg.name]
         if not number or leg.command is None or not poses:
             continue
-        steady = Stretch(leg, poses[0], poses[1:]).steady
-        ahead, left, _ = displacement(steady.before, steady.poses[-1])
-        commanded, when = leg.forward * steady.seconds, trial.when([number])
-        follows = trial.follows(ahead, commanded)
-        if not follows and (what := _stopped_by(trial, steady, ahead / commanded)):
+        judged, seconds = trial.judged_part(Stretch(leg, poses[0], poses[1:]))
+        ahead, left, _ = displacement(judged.before, judged.poses[-1])
+        commanded, when = leg.forward * seconds, trial.when([number])
+        follows = trial.follows(ahead, commanded * trial.reached(leg.forward, seconds))
+        if not follows and (what := _stopped_by(trial, judged, ahead / commanded)):
             yield _wall(what, f"commanded to go {commanded:.2f} m{when}", f"after {ahead:.2f} m")
         elif not follows or abs(left) > trial.tolerance.slip[0]:
             yield trial.motion_fault(f"does not follow {trial.wanted.commands}{when}", kind)
 
 
+SLOWER = 0.8  # part of the speed at first, from which on a robot comes to rest
 ODOMETRY = (0.02, math.radians(2.0))
 SPEED = 0.03  # m/s and rad/s between what odometry reports and what is
 SETTLED = 8  # frames after which a leg is driven evenly
