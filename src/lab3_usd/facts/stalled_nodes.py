@@ -29,6 +29,8 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import number
 from lab3_usd.model.stage import GraphModel, Node, StageModel, Unknown, once_per_stage
 
+_USUAL = "inputs:execIn"  # the input for the signal that has a node compute
+
 
 def needs_of(node: Node, platform: Platform, live: Nodes) -> Iterator[Need]:
     """Yield what a node needs by the platform, as it is set and wired."""
@@ -177,7 +179,8 @@ def stops(graph: GraphModel, stage: StageModel) -> Iterator[Stop]:
         if any(source.path not in states for source in ahead):
             continue
         waiting = tuple(_behind(node, idle, stage))
-        port = signal_inputs(node)[0]
+        # Others break a loop off, or set a node back.
+        port = _USUAL if _USUAL in signal_inputs(node) else signal_inputs(node)[0]
         written = any(node.sources(signal_input) for signal_input in signal_inputs(node))
         if not ahead:
             reason = "broken" if written else "unwired"

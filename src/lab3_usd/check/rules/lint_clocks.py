@@ -298,8 +298,10 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     )
     # A graph that is only an over may hold the clock.
     absent = (prim.path.rpartition("/")[0] for prim in subject.stage.absent)
-    off = (graph.path for graph in subject.graphs() if not graph.active)
+    off = [graph.path for graph in subject.graphs() if not graph.active]
     overs = tuple((path, None) for path in dict.fromkeys((*off, *absent)))
+    is_or_are = "is" if len(off) == 1 else "are"
+    resting = f"; {' and '.join(off)} {is_or_are} not in the scene" if off else ""
     for domain, simulated in stamped.items() if is_known else ():
         if not any(
             may_meet(domain, domain_of(clock, subject.live, subject.platform)) for clock in clocks
@@ -309,11 +311,11 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
             others = f" and {more} other topic{'s' * (more > 1)} use" if more else " uses"
             yield Problem(
                 first.node.path,
-                f"{first.topic}{others} simulation time, but nothing publishes /clock",
+                f"{first.topic}{others} simulation time, but nothing publishes /clock{resting}",
                 expected="a publisher of /clock",
-                related=tuple(dict.fromkeys(stamp.node.path for stamp in simulated[1:])),
+                related=tuple(dict.fromkeys((*off, *(s.node.path for s in simulated[1:])))),
                 rests_on=next(iter(subject.stage.unresolved), None),
-                fix=clock_publisher(first.node, subject),
+                fix=() if off else clock_publisher(first.node, subject),
                 assumes=overs,
                 identity="/",
             )
