@@ -54,7 +54,7 @@ def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
         )
 
 
-@rule("S31", "carried-by-other-parts", scope="stage", demands=rests)
+@rule("S31", "carried-by-other-parts", scope="stage", demands=rests, needs="wheels")
 def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
     """Something below its wheels carries the robot.
 
@@ -198,12 +198,12 @@ def starts_inside(subject: ModelSubject) -> Iterator[Problem]:
 def impossible_inertia(subject: ModelSubject) -> Iterator[Problem]:
     """A body of a robot has an inertia that no body of its mass and size can have.
 
-    Why: placeholders, as 1 kg m2 for a wheel of 30 g, hold the joint or throw the robot over.
+    Why: placeholders, as 1 kg m2 for a body of 30 g, hold the joint or throw the robot over.
 
     Fix: remove `physics:diagonalInertia` and `physics:principalAxes`, so that PhysX computes them
     from mass and shapes, or write the real values.
 
-    Example: `physics:diagonalInertia = (1, 1, 1)` of a wheel.
+    Example: `physics:diagonalInertia = (1, 1, 1)` of a link of 30 g.
     """
     known = machines(subject.stage)
     for machine in known.machines if known is not None else ():
