@@ -47,7 +47,7 @@ def test_what_failed_once_does_not_fail_again(
 def test_a_failure_is_found_and_told(
     odd: ModuleType, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    add_failing_rule("K99", "lint", KeyError, "odd")
+    add_failing_rule("K199", "lint", KeyError, "odd")
     monkeypatch.setattr(sys, "argv", ["odd_values.py", "--match", KNOWN[0]])
     assert odd.main() == 1
     said = capsys.readouterr().out
