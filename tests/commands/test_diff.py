@@ -33,6 +33,7 @@ from lab3_usd.errors import StageError, UsageError
 from lab3_usd.model.changes import PARTS, StageChange, StageDiff
 from lab3_usd.report.diff_report import lines
 from lab3_usd.report.options import tool_version
+from lab3_usd.report.picture.svg import CHANGED, OF_CHANGES, PALETTES, STROKES
 from lab3_usd.stage.read.opening import kept_open
 
 Told = tuple[str, str, str, str]
@@ -452,6 +453,19 @@ def test_pictures_mark_what_was_removed_changed_and_added(
     assert "was 0.025" in drawn["ROS_Drive.svg"]
     assert "1 removed" in drawn["ROS_Clock.svg"]
     assert len(re.findall("· added", drawn["Clock2.svg"])) >= 3
+
+
+def test_pictures_of_changes_have_no_colour_and_no_mark_of_a_fault(
+    right: Path, changed: Path, tmp_path: Path
+) -> None:
+    diff("--pictures", tmp_path / "drawn", right, changed)
+    for path in (tmp_path / "drawn").iterdir():
+        drawn = path.read_text()
+        for theme in ("light", "dark"):
+            assert PALETTES[theme]["fault"] not in drawn
+            assert OF_CHANGES[theme]["fault"] in drawn
+        assert STROKES["wrong"][2] not in drawn
+    assert CHANGED in (tmp_path / "drawn" / "ROS_Drive.svg").read_text()
 
 
 def test_pictures_are_not_replaced_unless_told_so(

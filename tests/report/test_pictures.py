@@ -39,6 +39,7 @@ from lab3_usd.report.picture.png import png
 from lab3_usd.report.picture.svg import (
     BELOW_TITLE,
     HEADERS,
+    OF_CHANGES,
     ON_HEADER,
     PALETTES,
     THEMES,
@@ -771,14 +772,15 @@ def contrast(one: str, other: str) -> float:
     ],
 )
 def test_texts_have_enough_contrast(theme: str, ink: str, grounds: list[str]) -> None:
-    palette = PALETTES[theme]
-    assert min(contrast(palette[ink], palette[ground]) for ground in grounds) >= 4.5
+    for palette in (PALETTES[theme], {**PALETTES[theme], **OF_CHANGES[theme]}):
+        assert min(contrast(palette[ink], palette[ground]) for ground in grounds) >= 4.5
 
 
 @pytest.mark.parametrize("theme", list(PALETTES))
 @pytest.mark.parametrize("ink", ["data", "execution", "fault", "extra"])
 def test_wires_have_enough_contrast(theme: str, ink: str) -> None:
-    assert contrast(PALETTES[theme][ink], PALETTES[theme]["canvas"]) >= 3
+    for palette in (PALETTES[theme], {**PALETTES[theme], **OF_CHANGES[theme]}):
+        assert contrast(palette[ink], palette["canvas"]) >= 3
 
 
 @pytest.mark.parametrize("family", list(HEADERS))

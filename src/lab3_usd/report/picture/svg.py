@@ -27,6 +27,7 @@ from lab3_usd.report.picture.model import (
     Bezier,
     Box,
     Family,
+    Kind,
     LegendEntry,
     Picture,
     Row,
@@ -84,6 +85,21 @@ PALETTES: Mapping[str, Mapping[str, str]] = {
         "lit": "#6b5a12",
     },
 }
+# A difference is no fault: what is added is green, what is removed or changed is amber.
+OF_CHANGES: Mapping[str, Mapping[str, str]] = {
+    "light": {
+        "fault": "#7d5200",
+        "fault_tint": "#fbefd5",
+        "extra": "#1b653a",
+        "extra_tint": "#dff3e5",
+    },
+    "dark": {
+        "fault": "#e8b64a",
+        "fault_tint": "#40361f",
+        "extra": "#74cf95",
+        "extra_tint": "#20382a",
+    },
+}
 LEAST = 0.7  # of its size, to which a picture is shrunk
 SCOPE = ".lab3"  # the class of the element of a picture
 RULES = """\
@@ -131,18 +147,19 @@ RULES = """\
 """
 
 
-@lru_cache(maxsize=len(THEMES))
-def stylesheet(theme: Theme = "auto") -> str:
+@lru_cache(maxsize=2 * len(THEMES))
+def stylesheet(theme: Theme = "auto", kind: Kind = "graph") -> str:
     """Return the rules for pictures; `auto` follows the reader's system, the others do not."""
     if theme != "auto":
-        return _rules(theme)
-    dark = _rules("dark")
-    return f"{_rules('light')}@media (prefers-color-scheme:dark){{\n{dark}}}\n"
+        return _rules(theme, kind)
+    dark = _rules("dark", kind)
+    return f"{_rules('light', kind)}@media (prefers-color-scheme:dark){{\n{dark}}}\n"
 
 
-def _rules(theme: str) -> str:
+def _rules(theme: str, kind: Kind) -> str:
+    palette = {**PALETTES[theme], **(OF_CHANGES[theme] if kind == "diff" else {})}
     rules = RULES.format(
-        s=SCOPE, font=FONT, on_header=ON_HEADER, below_title=BELOW_TITLE, **PALETTES[theme]
+        s=SCOPE, font=FONT, on_header=ON_HEADER, below_title=BELOW_TITLE, **palette
     )
     headers = (f"{SCOPE} .f-{family}{{fill:{colour}}}\n" for family, colour in HEADERS.items())
     return rules + "".join(headers)
@@ -155,6 +172,7 @@ STROKES: Mapping[State, tuple[float, float, str]] = {
     "extra": (-4, 0, "h8m-4-4v8"),
     "warned": (0, -4, "v5m0 3v.1"),
 }
+CHANGED = "m-1 1h8m-8 4h8"  # of two bars, in the place of the cross
 MARK = 8
 
 
@@ -373,8 +391,11 @@ def svg_file(picture: Picture, theme: Theme = "auto") -> str:
     """
     least = pixels(LEAST * picture.width)
     fitting = f"{SCOPE}{{max-width:max(100%,{least}px);height:auto}}\n"
-    style = f"<style>\n{fitting}{stylesheet(theme)}</style>"
-    return f'<?xml version="1.0" encoding="UTF-8"?>\n{_element(picture, ElementIds(), style)}\n'
+    style = f"<style>\n{fitting}{stylesheet(theme, picture.kind)}</style>"
+    element = _element(picture, ElementIds(), style)
+    if picture.kind == "diff":
+        element = element.replace(STROKES["wrong"][2], CHANGED)
+    return f'<?xml version="1.0" encoding="UTF-8"?>\n{element}\n'
 
 
 def _element(picture: Picture, ids: ElementIds, style: str) -> str:
