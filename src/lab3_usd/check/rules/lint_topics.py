@@ -16,6 +16,9 @@ from lab3_usd.facts.endpoints import (
     running_endpoints,
 )
 from lab3_usd.facts.execution_order import nodes_of
+from lab3_usd.facts.frame_targets import NAME_OVERRIDE, frame_of_prim
+from lab3_usd.facts.frames import all_edges
+from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.written_names import refused_namespaces, written_frames, written_topics
@@ -23,7 +26,7 @@ from lab3_usd.isaac.node_types import KIND, NodeType
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.qos import Qos, unmatched
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, StageModel
 
 
 def severity_of_conflict(*ends: Endpoint) -> Severity | None:
@@ -260,12 +263,14 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("K38", "frame-name", scope="lint", severity="warning")
 def frame_name(subject: LintSubject) -> Iterator[Problem]:
-    """A frame name is empty, or ends in a slash or white space.
+    """A frame name is empty, ends in a slash or white space, or is that of another prim.
 
     Why: tf2 rejects an empty name and a leading slash. A name with a space is a different frame, so
-    no transform is found for the message.
+    no transform is found for the message. Where name overrides give prims each other's names, each
+    frame stands where the other should.
 
-    Fix: write the name as in the TF tree, without a slash and without white space.
+    Fix: write the name as in the TF tree, without a slash and without white space. Clear the name
+    overrides of prims that have each other's names.
 
     Example: `inputs:frameId = "/base_scan"`.
     """
@@ -282,4 +287,28 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
                 expected=value.strip().lstrip("/") or "the name of a frame",
                 actual=value,
                 fix=_setting(node, port, value.strip().lstrip("/")),
+            )
+    yield from _exchanged_names(subject.stage)
+
+
+def _exchanged_names(stage: StageModel) -> Iterator[Problem]:
+    """Yield prims of one robot whose overrides are each the name of another prim with one."""
+    paths = dict.fromkeys(edge.prim for edge in all_edges(stage) if edge.prim)
+    bodies, by_robot = joined_bodies(stage), dict[str, dict[str, str]]()
+    for path in paths:
+        if frame_of_prim(path, stage) != path.rpartition("/")[2]:
+            by_robot.setdefault(bodies.owner(path), {})[path] = frame_of_prim(path, stage)
+    for renamed in by_robot.values():
+        own = {path.rpartition("/")[2] for path in renamed}
+        exchanged = [path for path, name in renamed.items() if name in own]
+        if {renamed[path] for path in exchanged} == own and len(exchanged) == len(own):
+            named = ", ".join(f"{path.rpartition('/')[2]} '{renamed[path]}'" for path in exchanged)
+            yield Problem(
+                exchanged[0],
+                f"{NAME_OVERRIDE} gives prims each other's names: {named}",
+                property=NAME_OVERRIDE,
+                expected=exchanged[0].rpartition("/")[2],
+                actual=renamed[exchanged[0]],
+                related=tuple(exchanged[1:]),
+                rests_on=stage.unknown(*exchanged),
             )
