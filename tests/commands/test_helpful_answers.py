@@ -165,6 +165,26 @@ def test_rules_are_searched_in_their_manuals() -> None:
     assert "no manual of a rule holds 'xyzzy'" in answer("rule", "--search", "xyzzy")
 
 
+def test_only_what_failed_is_judged_again(carter: Path) -> None:
+    folder, report = carter.parent, carter.with_name("last.json")
+    (folder / "right.usda").write_text('#usda 1.0\ndef Xform "World" {}\n', encoding="utf-8")
+    lab3("lint", folder, "--format", "json", "-o", report)
+    shown = lab3("lint", folder, "--last-failed", report)
+    assert shown.stdout.splitlines()[-2].startswith("1 file: 0 passed, 1 failed")
+    lab3("lint", folder / "right.usda", "--format", "json", "-o", report)
+    nothing = lab3("lint", folder / "right.usda", "--last-failed", report)
+    assert (nothing.returncode, nothing.stdout.partition(":")[0]) == (0, "nothing to judge again")
+
+
+@pytest.mark.parametrize("content", ["{", "[]", '{"results": [1]}'])
+def test_what_is_no_report_is_refused(content: str, carter: Path) -> None:
+    path = carter.with_name("last.json")
+    path.write_text(content)
+    assert "is not a report, as --format json writes one" in answer(
+        "lint", carter, "--last-failed", path
+    )
+
+
 def test_repairs_are_named_in_one_order(carter: Path) -> None:
     for form in ("text", "markdown", "html"):
         shown = re.sub("<[^>]*>", "", lab3("lint", carter, "--format", form).stdout)

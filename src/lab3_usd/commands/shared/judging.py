@@ -7,6 +7,8 @@ The first stage of a process takes usd-core 10 to 20 ms, which it spends outside
 from __future__ import annotations
 
 import importlib
+import json
+import os
 import sys
 from collections.abc import Callable, Generator, Iterable, Iterator
 from contextlib import closing, contextmanager, nullcontext, suppress
@@ -28,6 +30,7 @@ from lab3_usd.commands.shared.reporting import (
     without_baseline,
     write_report,
 )
+from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Report, StageResult, Submission
 from lab3_usd.pipeline.results import Results, Target, with_findings
 from lab3_usd.report.formats.registry import module_of
@@ -91,12 +94,45 @@ class Judge(Struct, frozen=True):
     renew: Callable[[], object] = tuple
 
 
+def failed_in(report: Path) -> frozenset[str]:
+    """Return the real paths of the files that did not pass in a JSON report.
+
+    Raises:
+        UsageError: it cannot be read, or is no such report.
+    """
+    try:
+        results = json.loads(report.read_bytes())["results"]
+        failed = [result["path"] for result in results if result["verdict"] != "pass"]
+    except OSError as error:
+        raise UsageError(f"{report}: cannot be read ({error.strerror})") from error
+    except (ValueError, KeyError, TypeError, RecursionError) as error:
+        raise UsageError(f"{report}: is not a report, as --format json writes one") from error
+    return frozenset(os.path.realpath(path) for path in map(str, failed))
+
+
+def _only(failed: frozenset[str], judge: Judge) -> Judge:
+    """Return what judges only these files, or submissions that hold one of them."""
+
+    def find(path: str) -> Iterator[Target]:
+        for target in judge.find(path):
+            whole = os.path.realpath(target.path)
+            if any(f"{each}{os.sep}".startswith(f"{whole}{os.sep}") for each in failed):
+                yield target
+
+    return replace(judge, find=find)
+
+
 def judge_and_report(paths: Iterable[str], judge: Judge, reporting: Reporting) -> int:
     """Judge everything that the paths name, print the report, and return the exit code.
 
     Raises:
         UsageError: a path names nothing that can be judged.
     """
+    if reporting.view.last_failed is not None:
+        judge = _only(failed_in(Path(reporting.view.last_failed)), judge)
+        if not any(True for path in paths for _ in judge.find(path)):
+            click.echo(f"nothing to judge again: all passed in {reporting.view.last_failed}")
+            return 0
     if reporting.view.watch:
         from lab3_usd.commands.shared.watching import Watched, prepare, watch
 

@@ -245,6 +245,7 @@ class ViewOptions(Struct, frozen=True):
     each: bool
     source: Source
     statistics: bool
+    last_failed: str | None
 
 
 view_options = all_of(
@@ -271,6 +272,12 @@ view_options = all_of(
         help="Show the lines of the file at fault; auto: for a single stage.",
     ),
     click.option("--statistics", is_flag=True, help="Count the faults by rule."),
+    click.option(
+        "--last-failed",
+        type=Input(),
+        metavar="REPORT",
+        help="Only what did not pass in this report, which --format json wrote.",
+    ),
     color_option,
     recorded("view", ViewOptions),
 )
