@@ -101,7 +101,9 @@ def _say_faults(lab: Lab, stages: Sequence[Path], *, build: bool = False) -> lis
         if build and (lab.folder / STARTER).is_file():
             from lab3_usd.pipeline.described import described_faults
 
-            faults += described_faults(lab)
+            told = {(fault.file, fault.key) for fault in faults}
+            built = described_faults(lab)
+            faults += [fault for fault in built if (fault.file, fault.key) not in told]
     for fault in faults:
         place = written_place(lab.folder, fault.place)
         echo(f"{fault.severity} {fault}" + (f", at {place}" if place else ""))
