@@ -123,6 +123,14 @@ def test_a_variable_that_a_graph_reads_and_does_not_have_is_said(folder: Path) -
     assert "names 'running', and the graph has no such variable" in lines[0]
 
 
+def test_what_the_built_stage_shows_as_well_is_said_once(shared: Path) -> None:
+    said = invoke("lab", "check", shared / "courses" / "yard").output.splitlines()
+    assert [line.partition(", ")[0] for line in said[:-1]] == [
+        "warning Belt.yaml: running: variableName: names 'running'",
+        "warning Belt.yaml: speed: variableName: names 'speed'",
+    ]
+
+
 def test_a_value_of_another_type_stops_every_command(folder: Path) -> None:
     graph = folder / "ROS_Clock.yaml"
     content = quick_yaml.load(graph.read_text())
