@@ -238,10 +238,11 @@ def lines_of(text: str) -> list[str]:
     return re.findall(_LINE, text)
 
 
-def not_utf8(error: UnicodeDecodeError) -> str:
-    """Say in which line bytes are not UTF-8, as the end of a sentence about a file."""
+def undecodable(error: UnicodeDecodeError) -> str:
+    """Say in which line bytes are no text, as the end of a sentence about a file."""
     line = error.object.count(b"\n", 0, error.start) + 1
-    return f"is not UTF-8 text: line {line} holds the byte 0x{error.object[error.start]:02x}"
+    byte = f"0x{error.object[error.start]:02x}"
+    return f"is not {error.encoding.upper()} text: line {line} holds the byte {byte}"
 
 
 def absence(path: Path, what: str = "file") -> str:

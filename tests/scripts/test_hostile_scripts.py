@@ -53,11 +53,12 @@ def test_what_is_large_or_endless_keeps_nothing_from_being_read(code: str, tmp_p
         (f"{HEAD}x = {'-' * 200_000}1\n{EDIT}", "nested too deeply"),
         (f"{HEAD}x = {'(' * 5000}1{')' * 5000}\n{EDIT}", "too many nested parentheses"),
         (f"# -*- coding: nonsense -*-\n{HEAD}{EDIT}", "cannot be decoded"),
-        (HEAD.encode() + b"x = '\xff'\n" + EDIT.encode(), "cannot be decoded"),
+        (HEAD.encode() + b"x = '\xff'\n" + EDIT.encode(), "is not UTF-8 text: line 2"),
+        (f"# coding: ascii\n{HEAD}# \u00e9\n{EDIT}", "is not ASCII text: line 3"),
         (f"{HEAD}x = '\0'\n{EDIT}", "null bytes"),
         (HEAD + EDIT + "# x\n" * 3_000_000, "it has 12 MB"),
     ],
-    ids=range(6),
+    ids=range(7),
 )
 def test_what_cannot_be_read_is_told_in_a_line(
     text: str | bytes, words: str, tmp_path: Path

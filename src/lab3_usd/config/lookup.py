@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from lab3_usd.errors import UsageError
-from lab3_usd.files import not_utf8
+from lab3_usd.files import undecodable
 
 NAME, HIDDEN_NAME, SHARED_NAME = "lab3.toml", ".lab3.toml", "pyproject.toml"
 TOOL, TABLE = "tool", "lab3"
@@ -69,7 +69,7 @@ def _parsed(path: Path) -> dict[str, Any]:
     except OSError as error:
         raise UsageError(f"{path}: cannot be read ({error.strerror})") from error
     except UnicodeDecodeError as error:
-        raise UsageError(f"{path}: {not_utf8(error)}") from error
+        raise UsageError(f"{path}: {undecodable(error)}") from error
     except tomllib.TOMLDecodeError as error:
         match = re.search(_PLACE, str(error))
         lines = path.read_bytes().splitlines() or [b""]

@@ -10,7 +10,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd.errors import UsageError
-from lab3_usd.files import not_utf8
+from lab3_usd.files import undecodable
 
 _LARGEST = 64 << 20  # bytes
 _SIGNATURES = (
@@ -79,7 +79,7 @@ def read_text_table(path: Path) -> TextTable:
     try:
         text = data[len(signature) :].decode(encoding)
     except UnicodeDecodeError as error:
-        raise UsageError(f"{path}: is not a text table: it {not_utf8(error)}") from error
+        raise UsageError(f"{path}: is not a text table: it {undecodable(error)}") from error
     first = re.split(r"[\r\n]", text, maxsplit=1)[0]
     delimiter = max(",;\t", key=_QUOTED.sub("", first).count)
     return TextTable(text, _rows(text, delimiter, path), delimiter, encoding, signature)

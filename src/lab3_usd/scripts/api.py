@@ -113,8 +113,17 @@ def _call_controller(
 
 
 def _delete_nodes(value: Value, run: Run, at: At) -> None:
-    for item in value.items if isinstance(value, Items) else [value]:
-        run.world.remove_node(path_of(item, at))
+    """Delete nodes; a graph of which none is left is judged as it was before."""
+    items = value.items if isinstance(value, Items) else [value]
+    paths = {path_of(item, at) for item in items}
+    graphs = {run.world.nodes[path].graph for path in paths if path in run.world.nodes}
+    rest = {node.path for graph in graphs for node in run.world.nodes_of(graph)} - paths
+    if graphs and not rest:
+        run.world.past.append(run.world.kept())
+    for path in paths:
+        run.world.remove_node(path)
+    for graph in () if rest else graphs:
+        run.world.graphs.pop(graph, None)
 
 
 _ANY = "/{graph}"

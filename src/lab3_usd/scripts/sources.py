@@ -14,7 +14,7 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd.errors import StageError
-from lab3_usd.files import not_utf8
+from lab3_usd.files import undecodable
 
 MOST_BYTES = 10_000_000
 _BUILDS = re.compile(rb"\bedit\b|create_graph|create_node|CREATE_NODES|\.create_node")
@@ -105,7 +105,7 @@ def _decoded(path: Path, data: bytes) -> str:
         text = data.decode(encoding)
     except UnicodeDecodeError as error:
         repair = "save it as UTF-8, or name its encoding in the first line"
-        raise StageError(f"{path}: {not_utf8(error)}", repair=repair) from error
+        raise StageError(f"{path}: {undecodable(error)}", repair=repair) from error
     except (SyntaxError, LookupError, UnicodeError) as error:
         raise StageError(f"{path}: its text cannot be decoded ({error})") from error
     return text.replace("\r\n", "\n").replace("\r", "\n")

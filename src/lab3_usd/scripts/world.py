@@ -71,6 +71,15 @@ class BuiltNode:
         """The name of its prim."""
         return self.path.rpartition("/")[2]
 
+    @property
+    def places(self) -> Iterator[At]:
+        """Where it is made, and its ports get their values and wires."""
+        yield self.at
+        for port in self.ports.values():
+            yield from (at for at, _, _ in port.sources.values())
+            if port.at is not None:
+                yield port.at
+
     def port(self, name: str) -> BuiltPort:
         """Return a port, new or not."""
         return self.ports.setdefault(name, BuiltPort())
@@ -213,7 +222,10 @@ class World:
 
     def remove_node(self, path: str) -> None:
         """Take a node out, and the wires from it."""
-        if self.nodes.pop(path, None) is None and path in self.scene.nodes:
+        node = self.nodes.pop(path, None)
+        if node is not None:
+            self.places -= set(node.places)
+        elif path in self.scene.nodes:
             self.removed.add(path)
         for node in self.nodes.values():
             for port in node.ports.values():
