@@ -177,7 +177,10 @@ def test_a_rule_that_fails_is_a_crash_over_its_file(course: GradingSetup, tmp_pa
     found = judged(course, submission(tmp_path / "jane", "00"), tmp_path)
     assert found["status"] == "crashed"
     assert found["crashes"]
-    assert re.match(rf"work/{stage('00').name}: rule S99 failed \(KeyError: 'x'\)", found["reason"])
+    assert re.match(
+        rf"work/{stage('00').name}: rule S99 failed \(KeyError: 'x', at own_rules.py:",
+        found["reason"],
+    )
 
 
 @pytest.mark.usefixtures("own_rules")
