@@ -170,7 +170,10 @@ _ALSO: Mapping[FaultKind, Sequence[str]] = {
     "no-articulation": ("K82", "S05"),
     "base-fixed-to-world": _OF_WHEELS,
     "tips-over": _OF_WHEELS,
-    "locked-joint": _OF_WHEELS,
+    "locked-joint": ("K86", *_OF_WHEELS),
+    "limited-joint": ("K86",),
+    "joint-off-target": ("K86",),
+    "no-ray-returns": ("K72",),
     "no-velocity-drive": _OF_WHEELS,
     "wrong-domain": ("P01",),
     "duplicate-publisher": ("L07", "N07"),
@@ -242,7 +245,7 @@ def _is_of_part(finding: Finding) -> bool:
         return False
     if not finding.property:
         return finding.rule >= _FIRST_OF_ROBOTS
-    return not finding.property.startswith(("inputs:", "outputs:", "node:", "evaluat"))
+    return not finding.property.startswith(("inputs:", "outputs:", "node:", "evaluat", "omni:"))
 
 
 def rules_named(behaviour: Behaviour, findings: Sequence[Finding]) -> Callable[[Check], str]:
