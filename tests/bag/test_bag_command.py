@@ -352,11 +352,11 @@ def refused_within(path: Path, **bounds: int) -> str:
 
 
 def refused(path: Path) -> str:
-    done = bag(path)
-    assert done.exit_code == 2
-    assert isinstance(done.exception, SystemExit)
+    with pytest.raises(UsageError) as raised:
+        bag(path)
     document = judged(path)
     (reason,) = document["not_simulated"]
+    assert str(raised.value) == f"{path}: {reason['reason']}"
     assert "\n" not in reason["reason"]
     return str(reason["reason"])
 
