@@ -9,6 +9,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.facts.likely_names import did_you_mean, likely_name, likely_port
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.stalled_nodes import feeds
+from lab3_usd.facts.stuck_nodes import is_made_later
 from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem, display
@@ -84,7 +85,7 @@ def _prim_and_property(node: Node, subject: LintSubject) -> Iterator[Problem]:
     if effective_value(node, _BY_PATH, subject.live) is True:
         written = effective_value(node, _PATH, subject.live)
         path = written if isinstance(written, str) else ""
-        if path and subject.stage.prim(path) is None:
+        if path and subject.stage.prim(path) is None and not is_made_later(path, subject.stage):
             is_path = path.startswith("/")
             reason = absence_reason(subject.stage, path) if is_path else "is no path of a prim"
             yield Problem(
