@@ -172,6 +172,8 @@ def test_only_what_failed_is_judged_again(carter: Path) -> None:
     shown = lab3("lint", folder, "--last-failed", report)
     assert shown.stdout.splitlines()[-2].startswith("1 file: 0 passed, 1 failed")
     lab3("lint", folder / "right.usda", "--format", "json", "-o", report)
+    new = lab3("lint", folder, "--last-failed", report)
+    assert new.stdout.splitlines()[-2].startswith("1 file: 0 passed, 1 failed")
     nothing = lab3("lint", folder / "right.usda", "--last-failed", report)
     assert (nothing.returncode, nothing.stdout.partition(":")[0]) == (0, "nothing to judge again")
 
@@ -190,3 +192,11 @@ def test_repairs_are_named_in_one_order(carter: Path) -> None:
         shown = re.sub("<[^>]*>", "", lab3("lint", carter, "--format", form).stdout)
         assert "fix --lint" in shown.replace("\\", "")
         assert not re.search(r"fix \S+ --lint", shown)
+
+
+@pytest.mark.parametrize("command", ["topics", "tf"])
+def test_what_a_missing_file_could_hold_is_said(command: str, tmp_path: Path) -> None:
+    path = tmp_path / "layered.usda"
+    path.write_text("#usda 1.0\n(\n    subLayers = [@gone.usda@, @lost.usda@]\n)\n")
+    said = lab3(command, path).stdout
+    assert "2 assets cannot be found, and could hold more: gone.usda and others" in said

@@ -261,6 +261,14 @@ def plural(count: int, noun: str) -> str:
     return f"{count} {noun}" if count == 1 else f"{count} {noun}s"
 
 
+def missing_line(assets: Iterable[str]) -> str:
+    """Say what a stage leads to that cannot be found, and that it could hold more; '' for none."""
+    names = list(dict.fromkeys(assets))
+    if len(names) > 1:
+        return f"{len(names)} assets cannot be found, and could hold more: {names[0]} and others"
+    return f"{names[0]} cannot be found, and could hold more" if names else ""
+
+
 def coverage_line(coverage: NodeCoverage) -> str:
     """Say how many nodes were not judged, or only in part, and what they wait for; '' for none."""
     if not coverage.nodes and coverage.built is None:

@@ -10,7 +10,7 @@ import importlib
 import json
 import os
 import sys
-from collections.abc import Callable, Generator, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable, Iterator, Mapping
 from contextlib import closing, contextmanager, nullcontext, suppress
 from pathlib import Path
 from threading import Thread
@@ -94,29 +94,32 @@ class Judge(Struct, frozen=True):
     renew: Callable[[], object] = tuple
 
 
-def failed_in(report: Path) -> frozenset[str]:
-    """Return the real paths of the files that did not pass in a JSON report.
+def passed_in(report: Path) -> Mapping[str, bool]:
+    """Return the real paths of the files in a JSON report, with whether each passed.
 
     Raises:
         UsageError: it cannot be read, or is no such report.
     """
     try:
         results = json.loads(report.read_bytes())["results"]
-        failed = [result["path"] for result in results if result["verdict"] != "pass"]
+        passed = [(str(result["path"]), result["verdict"] == "pass") for result in results]
     except OSError as error:
         raise UsageError(f"{report}: cannot be read ({error.strerror})") from error
     except (ValueError, KeyError, TypeError, RecursionError) as error:
         raise UsageError(f"{report}: is not a report, as --format json writes one") from error
-    return frozenset(os.path.realpath(path) for path in map(str, failed))
+    return {os.path.realpath(path): is_right for path, is_right in passed}
 
 
-def _only(failed: frozenset[str], judge: Judge) -> Judge:
-    """Return what judges only these files, or submissions that hold one of them."""
+def _only(passed: Mapping[str, bool], judge: Judge) -> Judge:
+    """Return what judges no file, or submission, of which all passed; one not in there is new."""
 
     def find(path: str) -> Iterator[Target]:
         for target in judge.find(path):
-            whole = os.path.realpath(target.path)
-            if any(f"{each}{os.sep}".startswith(f"{whole}{os.sep}") for each in failed):
+            whole = os.path.realpath(target.path) + os.sep
+            within = [
+                is_right for each, is_right in passed.items() if f"{each}{os.sep}".startswith(whole)
+            ]
+            if not within or not all(within):
                 yield target
 
     return replace(judge, find=find)
@@ -129,7 +132,7 @@ def judge_and_report(paths: Iterable[str], judge: Judge, reporting: Reporting) -
         UsageError: a path names nothing that can be judged.
     """
     if reporting.view.last_failed is not None:
-        judge = _only(failed_in(Path(reporting.view.last_failed)), judge)
+        judge = _only(passed_in(Path(reporting.view.last_failed)), judge)
         if not any(True for path in paths for _ in judge.find(path)):
             click.echo(f"nothing to judge again: all passed in {reporting.view.last_failed}")
             return 0

@@ -276,7 +276,7 @@ view_options = all_of(
         "--last-failed",
         type=Input(),
         metavar="REPORT",
-        help="Only what did not pass in this report, which --format json wrote.",
+        help="Leave out what passed in this report, which --format json wrote.",
     ),
     color_option,
     recorded("view", ViewOptions),

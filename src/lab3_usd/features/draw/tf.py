@@ -69,7 +69,7 @@ def command(
     from lab3_usd.isaac.releases import BASE
     from lab3_usd.pipeline.any_stage import read_ros
     from lab3_usd.pipeline.stage import checkpoint_of
-    from lab3_usd.report.entries import coverage_line
+    from lab3_usd.report.entries import coverage_line, missing_line
     from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.tf_picture import published_frames_picture
     from lab3_usd.report.safe_text import folded, printable
@@ -98,7 +98,9 @@ def command(
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates, tops)
     if form == "text":
         lines = as_lines(tree, terminal_width(), verbose=verbose)
-        rest = folded(f"? {not_judged}", WIDTH, rest="  ") if not_judged else []
+        missing = printable(missing_line(asset.asset for asset in model.unresolved))
+        texts = filter(None, (not_judged, missing))
+        rest = [line for text in texts for line in folded(f"? {text}", WIDTH, rest="  ")]
         click.echo("\n".join([*lines, *rest]))
     else:
         click.echo(tree_dot(tree) if form == "dot" else tree_json(tree))

@@ -61,7 +61,7 @@ def command(
     from lab3_usd.facts.frames import all_edges, all_unresolved_frames
     from lab3_usd.isaac.releases import BASE
     from lab3_usd.pipeline.any_stage import read_ros
-    from lab3_usd.report.entries import coverage_line
+    from lab3_usd.report.entries import coverage_line, missing_line
     from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.topic_picture import topics_picture
     from lab3_usd.report.safe_text import folded, printable
@@ -85,4 +85,6 @@ def command(
     else:
         columns = terminal_width() if verbose else WIDTH
         lines = as_table(table, columns, verbose=verbose)
-        click.echo("\n".join([*lines, *folded(not_judged, WIDTH)]))
+        missing = printable(missing_line(asset.asset for asset in model.unresolved))
+        rest = [line for text in (not_judged, missing) if text for line in folded(text, WIDTH)]
+        click.echo("\n".join([*lines, *rest]))
