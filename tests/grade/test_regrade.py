@@ -12,15 +12,15 @@ import quick_yaml
 from html_pages import read
 from invoking import invoke
 from mini_lab import LAB, LAST, MINI, cut_wire, files_below, stage, starter, submission
+from msgspec.structs import replace
 from pxr import Gf, Sdf, Usd
 from workers_here import graded_here
 
 from lab3_usd.commands.shared import options
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.gradebook import HTML, read_gradebook
 from lab3_usd.grade.regrade import regrade, student_in, sum_of
-from lab3_usd.grade.rubric import Rubric, load_rubric
 
 pytestmark = pytest.mark.usefixtures("equal_judged_once")
 
@@ -42,13 +42,13 @@ def book(graded: Path, tmp_path: Path) -> Path:
     return tmp_path / "book"
 
 
-def another(tmp_path: Path) -> Rubric:
+def another(tmp_path: Path) -> Path:
     """The rubric with twice the points for the clock."""
     data = quick_yaml.load((MINI / "rubric.yaml").read_text(encoding="utf-8"))
     data["items"]["clock"]["points"] = 20
     path = tmp_path / "new.yaml"
     path.write_text(quick_yaml.dump(data), encoding="utf-8")
-    return load_rubric(path, LAB)
+    return path
 
 
 def test_a_misspelt_student_is_guessed(book: Path) -> None:
@@ -88,7 +88,7 @@ def test_another_rubric_needs_no_submission_and_says_who_changed(
     book: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "class").rename(tmp_path / "gone")
-    changed = regrade(book, another(tmp_path))
+    changed = regrade(book, another(tmp_path), LAB)
     assert [(each.student, each.before, each.after) for each in changed] == [
         ("jane", (100.0, 100.0), (110.0, 110.0)),
         ("joe", (98.17, 100.0), (106.33, 110.0)),
@@ -107,14 +107,51 @@ def test_another_rubric_needs_no_submission_and_says_who_changed(
 
 def test_the_same_rubric_changes_nobody_and_nothing(book: Path) -> None:
     page = (book / "students" / "joe" / HTML).read_bytes()
-    assert regrade(book, load_rubric(MINI / "rubric.yaml", LAB)) == []
+    assert regrade(book, MINI / "rubric.yaml", LAB) == []
     assert (book / "students" / "joe" / HTML).read_bytes() == page
 
 
-def test_after_another_rubric_the_class_is_judged_again(book: Path, tmp_path: Path) -> None:
-    regrade(book, another(tmp_path))
+def test_after_another_rubric_the_class_is_judged_again_by_it(book: Path, tmp_path: Path) -> None:
+    regrade(book, another(tmp_path), LAB)
     rows = graded_here(ClassSettings(tmp_path / "class", starter(), book, resume=True))
-    assert [row["earned"] for row in rows] == [100.0, 98.17]
+    assert [row["earned"] for row in rows] == [110.0, 106.33]
+
+
+def test_a_gradebook_stays_with_the_rubric_that_made_it(graded: Path, tmp_path: Path) -> None:
+    rubric, out = another(tmp_path), tmp_path / "by mine"
+    settings = ClassSettings(graded / "class", starter(), out, rubric=rubric)
+    list(graded_here(settings))
+    assert (out / "rubric.yaml").read_bytes() == rubric.read_bytes()
+    rubric.unlink()
+    before = files_below(out)
+    assert regrade(out, None, LAB) == []
+    graded_here(replace(settings, rubric=None, resume=True))
+    assert files_below(out) == before
+
+
+def test_of_the_own_rubric_of_the_lab_no_copy_is_kept(book: Path) -> None:
+    assert regrade(book, None, LAB) == []
+    assert not (book / "rubric.yaml").exists()
+
+
+def test_a_copy_that_somebody_broke_is_refused_before_anything_is_written(
+    book: Path, tmp_path: Path
+) -> None:
+    (book / "rubric.yaml").write_text("items: {}\ntitle: mine\n")
+    before = files_below(book)
+    with pytest.raises(SpecError, match="'items' is empty"):
+        regrade(book, None, LAB)
+    with pytest.raises(SpecError, match="'items' is empty"):
+        graded_here(ClassSettings(tmp_path / "class", starter(), book, resume=True))
+    assert files_below(book) == before
+
+
+def test_a_sum_is_only_read(book: Path, tmp_path: Path) -> None:
+    before = files_below(book)
+    for counted in (["--regrade", book], [tmp_path / "class", "--starter", starter(), "-o", book]):
+        with pytest.raises(UsageError, match="--explain only reads a gradebook"):
+            invoke("grade", *counted, "--explain", "joe")
+    assert files_below(book) == before
 
 
 def test_a_result_without_what_was_found_is_refused(book: Path, tmp_path: Path) -> None:
@@ -123,7 +160,7 @@ def test_a_result_without_what_was_found_is_refused(book: Path, tmp_path: Path) 
     del row["facts"]
     path.write_text(json.dumps(row))
     with pytest.raises(UsageError, match="joe does not say what was found"):
-        regrade(book, another(tmp_path))
+        regrade(book, another(tmp_path), LAB)
 
 
 EXPORT = (
@@ -154,7 +191,7 @@ def test_an_export_is_filled_in_shown_and_recorded(book: Path, tmp_path: Path) -
         "changed", "filled", "without a submission",
     ]  # fmt: skip
     assert record == {"export": "export.csv", "column": "Mini (77)", "maximum": 100.0}
-    regraded = regrade(book, load_rubric(MINI / "rubric.yaml", LAB))
+    regraded = regrade(book, MINI / "rubric.yaml", LAB)
     assert (regraded, "exports" in read_gradebook(book)) == ([], False)
 
 

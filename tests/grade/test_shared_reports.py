@@ -15,7 +15,6 @@ from lab3_usd.grade import shared_reports
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.gradebook import Rows
 from lab3_usd.grade.regrade import regrade
-from lab3_usd.grade.rubric import load_rubric
 
 pytestmark = pytest.mark.usefixtures("equal_judged_once")
 
@@ -102,7 +101,7 @@ def test_other_points_are_written_into_shared_reports(place: Path, tmp_path: Pat
     graded(place, tmp_path / "book")
     rubric = tmp_path / "rubric.yaml"
     rubric.write_text((MINI / "rubric.yaml").read_text().replace("points: 10", "points: 20", 1))
-    changed = regrade(tmp_path / "book", load_rubric(rubric, LAB))
+    changed = regrade(tmp_path / "book", rubric, LAB)
     assert {"ana", "ben", "cleo"} <= {grade.student for grade in changed}
     rows = json.loads((tmp_path / "book" / "grades.json").read_text())["students"]
     assert folders(tmp_path / "book") == {row["shared"]: REPORTS for row in rows}

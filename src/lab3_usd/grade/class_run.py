@@ -33,7 +33,7 @@ from lab3_usd.grade.intake.submissions import (
     submissions_in,
 )
 from lab3_usd.grade.lock import locked
-from lab3_usd.grade.regrade import adjust
+from lab3_usd.grade.regrade import adjust, keep_rubric, rubric_of
 from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.shared_reports import MOST_NAMED
 from lab3_usd.grade.workers.pool import Runner, run_tasks
@@ -49,11 +49,12 @@ class ClassSettings(Struct, frozen=True):
     """What to grade, with what, and where to write.
 
     `runner` has the tasks judged; `notify` receives a line for each part of a class that is left
-    out. `assets` are folders in which assets of servers lie, by their addresses.
-    With `merge_uploads`, what the last upload of a student lacks comes from the ones before. With
-    `force`, the lock of a run that was killed is taken. `adjustments` is a table of what the
-    grader decides by hand; without it those count that the gradebook has. With `maps`, the supplied
-    map or its folder, those handed in are compared.
+    out. To `resume` without a rubric is to go on by the one that the gradebook keeps, which is the
+    lab's where it keeps none. `assets` are folders in which assets of servers lie, by their
+    addresses. With `merge_uploads`, what the last upload of a student lacks comes from the ones
+    before. With `force`, the lock of a run that was killed is taken. `adjustments` is a table of
+    what the grader decides by hand; without it those count that the gradebook has. With `maps`, the
+    supplied map or its folder, those handed in are compared.
     """
 
     submissions: Path | str
@@ -90,6 +91,8 @@ def grade_class(
     """
     place = local_path(settings.submissions)
     check_apart(place, settings.out)
+    if settings.resume:
+        settings = replace(settings, rubric=rubric_of(settings.out, settings.rubric))
     rubric = load_rubric(settings.rubric, load_lab())
     with assets_at(settings.assets):
         check_starter(settings.starter)
@@ -123,6 +126,7 @@ def _graded(
         ]
         people = [(submission.student, submission.name) for submission in submissions]
         by_hand = adjustments_in(settings.out, settings.adjustments, rubric, people)
+        keep_rubric(settings.out, settings.rubric)
         by_folder = {submission.folder: submission for submission in submissions}
         items = [item.id for item in rubric.items]
         tasks = (_task(submission, settings, salt, items) for submission in submissions)

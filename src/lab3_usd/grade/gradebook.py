@@ -36,7 +36,7 @@ from lab3_usd.report.html.class_page import class_page
 from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, tool_version
 from lab3_usd.report.safe_text import safe_cell
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import RUBRIC, Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import has_teams
 
@@ -137,7 +137,7 @@ def write_reports(
 STUDENTS, RESULT = "students", "result.json"
 CSV, GRADEBOOK_JSON, PAGE = "grades.csv", "grades.json", "index.html"
 FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go better next time
-_TABLES = (CSV, GRADEBOOK_JSON, PAGE, ADJUSTMENTS)
+_TABLES = (CSV, GRADEBOOK_JSON, PAGE, ADJUSTMENTS, RUBRIC)
 _FILES = (HTML, JSON, GRADESCOPE, RESULT)
 _VERSION = 1
 # What `--gradebook` writes beside the tables.

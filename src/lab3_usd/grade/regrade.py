@@ -33,13 +33,14 @@ from lab3_usd.grade.gradebook import (
 )
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import locked
-from lab3_usd.grade.rubric import Rubric
+from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, grade_facts
 from lab3_usd.grade.shared_reports import SHARED, shared_folder, write_shared
 from lab3_usd.model.finding import Report, Submission
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options
+from lab3_usd.spec.lab import RUBRIC, Lab
 
 # What of a student's page shows the grade; pictures have titles as well.
 _OF_GRADE = re.compile(
@@ -100,23 +101,54 @@ def sum_of(book: Row, row: Row) -> Iterator[str]:
         yield f"    {text}"
 
 
+def rubric_of(out: Path, given: Path | None) -> Path | None:
+    """Return the rubric that counts for a gradebook: the one given, else the copy that it keeps.
+
+    None for the lab's own, of which no copy is kept.
+    """
+    copy = out / RUBRIC
+    return copy if given is None and copy.is_file() else given
+
+
+def keep_rubric(out: Path, rubric: Path | None) -> None:
+    """Keep a copy of a rubric that is not the lab's in the gradebook that is made by it.
+
+    Raises:
+        UsageError: it cannot be written.
+        NoRoomError: the disk is full.
+    """
+    copy = out / RUBRIC
+    if rubric is not None and not (copy.exists() and copy.samefile(rubric)):
+        write_whole(copy, rubric.read_bytes(), force=True)
+
+
 def regrade(
-    out: Path, rubric: Rubric, adjustments: Path | None = None, *, force: bool = False
+    out: Path,
+    given: Path | None,
+    lab: Lab,
+    adjustments: Path | None = None,
+    *,
+    force: bool = False,
 ) -> list[ChangedGrade]:
     """Give the students of a gradebook their points by another rubric, and return who changed.
 
-    No submission is opened: what was found in it is in the results. `adjustments` is a table of
-    what the grader decides by hand; without it those count that the gradebook has.
+    No submission is opened: what was found in it is in the results. Without a rubric `given` that
+    counts by which the gradebook was made. `adjustments` is a table of what the grader decides by
+    hand; without it those count that the gradebook has.
 
     Raises:
+        SpecError: the rubric is wrong.
         UsageError: there is no gradebook, or one of an earlier release, or a line of the
             adjustments is wrong.
     """
+    file = rubric_of(out, given)
+    rubric = load_rubric(file, lab)
     with locked(out, force=force):
         students = read_gradebook(out)["students"]
         rows = [_recorded(out, student) for student in students]
         people = [(row["student"], row["name"]) for row, _ in rows]
         by_hand = adjustments_in(out, adjustments, rubric, people) or {}
+        keep_rubric(out, file)
         changed = [
             ChangedGrade(
                 row["student"],

@@ -110,7 +110,7 @@ def _refuse_empty(
     "--rubric",
     type=Input(path_type=Path),
     metavar="FILE",
-    help="Rubric with the points; by default the handout's check-off list.",
+    help="Rubric with the points; by default the gradebook's, else the handout's check-off list.",
 )
 @click.option(
     "--jobs",
@@ -197,6 +197,8 @@ def _check(submissions: str | None, asked: ClassOptions, export: ExportOptions) 
         raise UsageError(f"{afterwards[0]} is for a class; --format grades one submission")
     if submissions is None and not afterwards:
         raise click.MissingParameter(param_type="argument", param_hint="'SUBMISSIONS'")
+    if asked.explain is not None and (submissions is not None or asked.regrade is not None):
+        raise UsageError("--explain only reads a gradebook: give it with -o alone, after grading")
     if submissions is not None and asked.regrade is not None:
         raise UsageError("--regrade reads a gradebook, and no submissions")
     if submissions is not None and asked.starter is None:
@@ -305,12 +307,10 @@ def _explain(out: Path, student: str) -> None:
 def _regrade(out: Path, asked: ClassOptions) -> None:
     """Give a gradebook the points of a rubric, and say who changed."""
     from lab3_usd.grade.regrade import regrade
-    from lab3_usd.grade.rubric import load_rubric
     from lab3_usd.report.safe_text import printable
     from lab3_usd.spec.load.loader import load_lab
 
-    rubric = load_rubric(asked.rubric, load_lab())
-    changed = regrade(out, rubric, asked.adjust, force=asked.force)
+    changed = regrade(out, asked.rubric, load_lab(), asked.adjust, force=asked.force)
     for grade in changed:
         (earned, possible), (now, now_possible) = grade.before, grade.after
         click.echo(
