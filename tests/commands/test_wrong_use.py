@@ -13,6 +13,9 @@ from lab3_usd.errors import UsageError
 # `STAGE` is a stage of a checkpoint, `OTHER` another one, `EMPTY` a folder without any.
 REFUSED = {
     "grade": "Missing argument 'SUBMISSIONS'",
+    "grade -o book --feedback": "--feedback is for --gradebook PLATFORM with --roster FILE",
+    "grade -o book --adjust STAGE": "--adjust goes with SUBMISSIONS or --regrade",
+    "grade -o book --roster STAGE": "--gradebook and --roster go together",
     "grade EMPTY": "Missing option '--starter'",
     "grade EMPTY --starter STAGE": "Missing option '--output'",
     "grade EMPTY --regrade rubric.yaml -o book": "reads a gradebook, and no submissions",

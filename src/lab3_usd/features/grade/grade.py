@@ -195,6 +195,9 @@ def _check(submissions: str | None, asked: ClassOptions, export: ExportOptions) 
     afterwards = [option for option, value in reading.items() if value is not None]
     if asked.form is not None and afterwards:
         raise UsageError(f"{afterwards[0]} is for a class; --format grades one submission")
+    _check_export(export)
+    if asked.adjust and submissions is None and asked.regrade is None:
+        raise UsageError("--adjust goes with SUBMISSIONS or --regrade, which count the points")
     if submissions is None and not afterwards:
         raise click.MissingParameter(param_type="argument", param_hint="'SUBMISSIONS'")
     if asked.explain is not None and (submissions is not None or asked.regrade is not None):
@@ -205,9 +208,6 @@ def _check(submissions: str | None, asked: ClassOptions, export: ExportOptions) 
         raise click.MissingParameter(param_type="option", param_hint="'--starter'")
     if asked.out is None and asked.regrade is None and asked.form is None:
         raise click.UsageError("Missing option '--output' / '-o'.", click.get_current_context())
-    if asked.adjust and submissions is None and asked.regrade is None:
-        raise UsageError("--adjust goes with SUBMISSIONS or --regrade, which count the points")
-    _check_export(export)
     _check_tables(asked)
     if export.dry_run and (submissions is not None or asked.regrade is not None):
         raise UsageError("--dry-run writes nothing: grade first, then give it with --gradebook")
@@ -258,7 +258,7 @@ def _check_export(export: ExportOptions) -> None:
     }
     for option, value in of_exports.items():
         if value and export.gradebook is None:
-            raise UsageError(f"{option} is for --gradebook")
+            raise UsageError(f"{option} is for --gradebook PLATFORM with --roster FILE")
 
 
 def _fill_export(platform: str, roster: Path, asked: ClassOptions, options: ExportOptions) -> None:
