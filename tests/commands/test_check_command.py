@@ -252,3 +252,16 @@ def test_a_gradescope_result_has_the_points_of_grading(handed_in: Path) -> None:
     results = json.loads(lab3("check", handed_in, "--format", "gradescope").stdout)
     assert sum(test.get("max_score", 0.0) for test in results["tests"]) == 100.0
     assert results["score"] == sum(test.get("score", 0.0) for test in results["tests"]) == 15.0
+
+
+@pytest.mark.parametrize("kind", ["zip", "gztar"])
+def test_of_an_archive_is_said_what_reads_it(tmp_path: Path, kind: str) -> None:
+    (tmp_path / "work").mkdir()
+    archive = shutil.make_archive(str(tmp_path / "jane"), kind, tmp_path / "work")
+    said = check(archive).stderr
+    assert f"{archive}: is an archive; lab3 check --untrusted --starter FILE judges it" in said
+
+
+def test_what_only_has_the_name_of_an_archive_is_none(tmp_path: Path) -> None:
+    (tmp_path / "jane.zip").write_text("mine")
+    assert "the name gives no checkpoint" in check(tmp_path / "jane.zip").stderr

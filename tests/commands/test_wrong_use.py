@@ -17,6 +17,8 @@ REFUSED = {
     "grade -o book --adjust STAGE": "--adjust goes with SUBMISSIONS or --regrade",
     "grade -o book --roster STAGE": "--gradebook and --roster go together",
     "grade EMPTY": "Missing option '--starter'",
+    "grade EMPTY --starter EMPTY -o book": "empty: is a folder; name the stage in it",
+    "grade EMPTY --starter nope.usd -o book": "nope.usd: there is no such file",
     "grade EMPTY --starter STAGE": "Missing option '--output'",
     "grade EMPTY --regrade rubric.yaml -o book": "reads a gradebook, and no submissions",
     "grade -o book --explain jane --format gradescope": "--explain is for a class",

@@ -204,6 +204,8 @@ def check_starter(starter: Path) -> None:
     """
     from lab3_usd.stage.read.opening import open_stage
 
+    if starter.is_dir():
+        raise StageError(f"{starter}: is a folder; name the stage in it")
     if not starter.is_file():
         raise StageError(f"{starter}: there is no such file")
     open_stage(starter)

@@ -129,12 +129,25 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
     checkpoint = _known_checkpoint(path, settings, lab)
     if checkpoint is not None and checkpoint not in lab.checkpoints:
         raise UsageError(f"{settings.config.file}: there is no checkpoint '{checkpoint}' ({path})")
+    if checkpoint is None and _is_archive(path):
+        judging = f"{program()} check --untrusted --starter FILE judges it"
+        raise UsageError(f"{path}: is an archive; {judging}, {program()} grade a class")
     if checkpoint is None:
         raise UsageError(
             f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
             f"give one with --checkpoint, or use {program()} lint, or fix --lint, which need none"
         )
     return checkpoint
+
+
+def _is_archive(path: str) -> bool:
+    """Whether a file is a zip or tar and no stage, which may be packed as well."""
+    import tarfile
+    import zipfile
+
+    if is_stage_file(Path(path).name) or not Path(path).is_file():
+        return False
+    return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
 
 
 def _known_checkpoint(path: str, settings: JudgeSettings, lab: Lab) -> str | None:
