@@ -8,7 +8,7 @@ import pytest
 from invoking import invoke
 from mini_lab import stage
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import Lab3Error
 
 # `STAGE` is a stage of a checkpoint, `OTHER` another one, `EMPTY` a folder without any.
 REFUSED = {
@@ -48,7 +48,7 @@ def test_wrong_use_is_refused(line: str, tmp_path: Path, monkeypatch: pytest.Mon
     before = stage("01").read_bytes()
     try:
         result = invoke(*(paths.get(word, word) for word in line.split()))
-    except UsageError as error:
+    except Lab3Error as error:
         said = str(error)
     else:
         said = result.output
