@@ -172,6 +172,24 @@ def test_a_wheel_that_a_spring_holds_is_refused(tmp_path: Path) -> None:
     assert "stiffness" in text
 
 
+def test_speeds_of_a_joint_that_a_spring_holds_are_written_only_by_force(tmp_path: Path) -> None:
+    path = bot(tmp_path, gains=(1000.0, 100.0))
+    before = path.read_bytes()
+    refused = lab3("add", "velocity", path, "--in-place")
+    assert refused.returncode == 2
+    assert "stiffness 1000, and cannot follow a velocity" in refused.stderr
+    assert path.read_bytes() == before
+    forced = lab3("add", "velocity", path, "--in-place", "--force")
+    assert forced.returncode == 0
+    assert "new error K62" in forced.stdout
+
+
+def test_speeds_are_said_in_radians_a_second(tmp_path: Path) -> None:
+    added = add(bot(tmp_path), "velocity")
+    (speeds,) = [hole for hole in added.additions[0].holes if hole.label == "velocity"]
+    assert speeds.source == "targets of the drives, in radians a second"
+
+
 def test_a_joint_that_is_misspelt_is_refused_with_the_right_name(tmp_path: Path) -> None:
     text = refusal(bot(tmp_path), "drive", joints=("left_joint", "rigth_joint"))
     assert "rigth_joint" in text

@@ -60,13 +60,13 @@ def _joint_values(task: Task, command: JointCommand) -> Iterator[Hole]:
         source = "given"
     else:
         joints = [joint for joint in robot.arm_joints if not is_mimic(joint)]
+        source = "joints with a drive that turn no wheel"
         if not joints and command == "velocity":
             joints = [wheel.joint for wheel in robot.driven_wheels if wheel.joint.has_drive]
-        source = "joints with a drive that turn no wheel"
+            source = "wheels with a drive"
     if not joints:
         raise UsageError(f"{robot.path} has no joint with a drive to command; give --joints")
-    if command == "position":
-        refuse_stuck(task, joints, command)
+    refuse_stuck(task, joints, command)
     shown = ", ".join(joint.name for joint in joints)
     yield Hole("joint_names", tuple(j.name for j in joints), "joints", shown, source, "--joints")
     if values is not None and len(values) != len(joints):
@@ -78,7 +78,9 @@ def _joint_values(task: Task, command: JointCommand) -> Iterator[Hole]:
             for joint, target in zip(joints, targets, strict=True)
         )
     text = ", ".join(f"{value:.4g}" for value in values)
-    why = "given" if task.options.positions is not None else "targets of the drives, in radians"
+    measures = {"radians" if joint.is_angular else "units of length" for joint in joints}
+    unit = " and ".join(sorted(measures)) + (" a second" if command == "velocity" else "")
+    why = "given" if task.options.positions is not None else f"targets of the drives, in {unit}"
     yield Hole(
         "commands_of_joints", tuple(map(float, values)), f"{command}", text, why, "--positions"
     )
