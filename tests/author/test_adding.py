@@ -9,7 +9,7 @@ import pytest
 from bare_robots import ROVER, add_lidar, add_rover, new_stage, rover_at
 from in_process import lab3
 from invoking import invoke
-from pxr import Sdf, Usd, UsdGeom
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.author.adding import Added, AddOptions, add_graphs
 from lab3_usd.author.request import Options, Request
@@ -430,3 +430,48 @@ def test_the_variant_in_which_a_robot_lives_is_said(tmp_path: Path) -> None:
     told = invoke("add", "drive", tmp_path / "chosen.usda").output
     assert "robot=rover of /World/Chosen" in told
     assert "with another one selected" not in invoke("add", "drive", rover).output
+
+
+def tipping(folder: Path) -> Path:
+    """Write a robot on two wheels, whose centre of mass nothing carries."""
+    path = bot(folder)
+    stage = Usd.Stage.Open(str(path))
+    UsdPhysics.MassAPI.Apply(stage.GetPrimAtPath("/World/Bot/base")).CreateCenterOfMassAttr(
+        Gf.Vec3f(0.2, 0, 0)
+    )
+    stage.Save()
+    return path
+
+
+def test_what_does_not_drive_is_played_first_and_written_only_by_force(tmp_path: Path) -> None:
+    path = tipping(tmp_path)
+    before = path.read_bytes()
+    refused = lab3("add", "drive", path, "--in-place", "--check-drive")
+    assert refused.returncode == 1
+    assert "bad follows" in refused.stdout
+    assert "nothing is written: what the robot does not do" in refused.stdout
+    assert path.read_bytes() == before
+    assert [file.name for file in tmp_path.iterdir()] == ["bot.usda"]
+    forced = lab3("add", "drive", path, "--in-place", "--check-drive", "--force")
+    assert forced.returncode == 0
+    assert path.read_bytes() != before
+
+
+def test_a_layer_over_what_does_not_drive_is_not_written(tmp_path: Path) -> None:
+    layer = tmp_path / "ros.usda"
+    words = ("add", "drive", tipping(tmp_path), "--layer", layer, "--check-drive")
+    assert lab3(*words).returncode == 1
+    assert not layer.exists()
+
+
+def test_json_says_how_the_result_was_played(tmp_path: Path) -> None:
+    words = ("add", "drive", tipping(tmp_path), "--check-drive", "--format", "json")
+    played = json.loads(lab3(*words).stdout)["played"]
+    assert ("follows", "bad") in {(check["name"], check["verdict"]) for check in played}
+
+
+def test_what_drives_is_written_after_it_was_played(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    answer = lab3("add", "drive", path, "--in-place", "--check-drive")
+    assert answer.returncode == 0
+    assert answer.stdout.index(" ok\n") < answer.stdout.index("written:")

@@ -38,6 +38,7 @@ from lab3_usd.installation import command_line
 if TYPE_CHECKING:
     from lab3_usd.author.adding import Added, Addition, AddOptions
     from lab3_usd.author.request import Options, Request
+    from lab3_usd.model.dry_run import Check
     from lab3_usd.model.finding import Finding
 
 _KINDS = """\b
@@ -104,8 +105,8 @@ def command(
     Robot, wheels, sizes, frames and names come from the stage; each line says what from, and which
     option changes it. The result is only shown unless --in-place, --output or --layer writes it.
 
-    Exit status: 0 done, shown, or nothing to add; 1 the result would have new findings, or with
-    --diff a change; 2 refused.
+    Exit status: 0 done, shown, or nothing to add; 1 the result would have new findings, with
+    --check-drive does not drive as it should, or with --diff is a change; 2 refused.
     """
     from lab3_usd.author.adding import AddOptions
     from lab3_usd.author.request import Request, requests_of_file
@@ -151,7 +152,8 @@ def _add(
         for line in diffs(files, {stage: added.state}):
             click.echo(line, nl=False)
         return 1 if files else 0
-    is_refused = bool(added.new) and not settings.force
+    played = _played(added) if asked.check_drive else ()
+    is_refused = _is_refused(added, asked, played)
     wants = writing.output or writing.in_place
     written: Path | None = None
     lines: list[str] = []
@@ -171,7 +173,7 @@ def _add(
                 files, {stage: added.state}, keep=not writing.no_orig, first_alone=True
             )
         written = target
-    return _report(added, asked, written, lines, shown(stage))
+    return _report(added, asked, played, written, lines, shown(stage))
 
 
 def _add_layer(
@@ -208,37 +210,50 @@ def _add_layer(
     finally:
         temporary.unlink(missing_ok=True)
     lines: list[str] = []
-    is_refused = bool(added.new) and not settings.force
+    played = _played(added) if asked.check_drive else ()
+    is_refused = _is_refused(added, asked, played)
     written = None
     if not is_refused and added.data is not None:
         write_whole(target, added.data, force=content is not None)
         lines.append(f"written: {shown(target)}, over {shown(stage)}")
         written = target
-    return _report(added, asked, written, lines, shown(target))
+    return _report(added, asked, played, written, lines, shown(target))
+
+
+def _is_refused(added: Added, asked: AddingOptions, played: Sequence[Check]) -> bool:
+    """Whether nothing may be written: for new findings, or for what the dry run shows."""
+    return bool(added.new or _bad(played)) and not asked.force
+
+
+def _bad(played: Sequence[Check]) -> list[Check]:
+    return [check for check in played if check.verdict == "bad"]
 
 
 def _report(
-    added: Added, asked: AddingOptions, written: Path | None, lines: Sequence[str], name: str
+    added: Added,
+    asked: AddingOptions,
+    played: Sequence[Check],
+    written: Path | None,
+    lines: Sequence[str],
+    name: str,
 ) -> int:
-    is_refused = bool(added.new) and not asked.force
+    is_refused = _is_refused(added, asked, played)
     if asked.form == "json":
-        click.echo(_as_json(added, written))
+        click.echo(_as_json(added, played, written))
     else:
         for line in _text(added, name, is_written=written is not None):
+            click.echo(line)
+        for line in _play_lines(played) if asked.check_drive else ():
             click.echo(line)
         for line in lines:
             click.echo(line)
         if is_refused:
-            click.echo(
-                "nothing is written: the new findings are above; --force writes all the same"
-            )
+            why = "the new findings are" if added.new else "what the robot does not do is"
+            click.echo(f"nothing is written: {why} above; --force writes all the same")
         elif added.data is not None and written is None:
             words = command_line(*_call(), "--in-place")
             click.echo(f"to write: {words}")
-    status = 1 if is_refused else 0
-    if asked.check_drive and not is_refused:
-        status = max(status, _played(added, prints=asked.form == "text"))
-    return status
+    return 1 if is_refused else 0
 
 
 def _call() -> tuple[str, ...]:
@@ -317,7 +332,7 @@ def _line(finding: Finding) -> str:
     return f"{finding.rule} {site}: {finding.message}"
 
 
-def _as_json(added: Added, written: Path | None) -> str:
+def _as_json(added: Added, played: Sequence[Check], written: Path | None) -> str:
     def finding(entry: Finding, how: str = "") -> dict[str, str]:
         said = {
             "rule": entry.rule,
@@ -348,28 +363,30 @@ def _as_json(added: Added, written: Path | None) -> str:
         ],
         "awaited": [finding(*entry) for entry in added.awaited],
         "findings": [finding(entry) for entry in added.new],
+        "played": [
+            {"name": check.name, "verdict": check.verdict, "text": check.text} for check in played
+        ],
     }
     return json.dumps(document, indent=2, ensure_ascii=False)
 
 
-def _played(added: Added, *, prints: bool) -> int:
-    """Play the result as `lab3 sim` does, print its verdicts, and return its exit status."""
+def _played(added: Added) -> tuple[Check, ...]:
+    """Play the result beside the stage, as `lab3 sim` does, before anything is written."""
     from lab3_usd.sim.dry_run import dry_run
     from lab3_usd.spec.load.loader import load_lab
 
     temporary = temporary_beside(added.path, added.path.suffix)
     try:
         temporary.write_bytes(added.state.content if added.data is None else added.data)
-        checks = dry_run(temporary, load_lab(), "").behaviour.checks
+        return dry_run(temporary, load_lab(), "").behaviour.checks
     finally:
         temporary.unlink(missing_ok=True)
-    bad = [check for check in checks if check.verdict != "ok"]
-    if prints:
-        count = f"{len(checks)} checks, {len(checks) - len(bad)} ok"
-        for line in _row(_columns([]), "play", count if checks else "nothing to judge"):
-            click.echo(line)
-        for check in bad:
-            told = f"{check.verdict} {check.name}: {check.text}"
-            for line in _row(_columns([]), "play", told):
-                click.echo(line)
-    return 1 if bad else 0
+
+
+def _play_lines(played: Sequence[Check]) -> Iterator[str]:
+    others = [check for check in played if check.verdict != "ok"]
+    count = f"{len(played)} check{'s' * (len(played) != 1)}, {len(played) - len(others)} ok"
+    yield from _row(_columns([]), "play", count if played else "nothing to judge")
+    for check in others:
+        told = f"{check.verdict} {check.name}: {check.text}"
+        yield from _row(_columns([]), "play", told)
