@@ -475,3 +475,10 @@ def test_what_drives_is_written_after_it_was_played(tmp_path: Path) -> None:
     answer = lab3("add", "drive", path, "--in-place", "--check-drive")
     assert answer.returncode == 0
     assert answer.stdout.index(" ok\n") < answer.stdout.index("written:")
+
+
+def test_one_check_is_counted_as_one(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    told = lab3("add", "differential", path, "--check-drive", "--in-place").stdout
+    assert "play      1 check, 1 ok" in told
+    assert "\n1 check: 1 ok, 0 bad" in lab3("sim", path).stdout

@@ -14,6 +14,7 @@ from lab3_usd.data import program
 from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.occupancy import MapFit
+from lab3_usd.report.entries import plural
 from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.safe_text import folded, paint, printable, truncated_values
@@ -123,7 +124,7 @@ def sum_text(behaviour: Behaviour) -> str:
     """Return how the checks came out."""
     verdicts = [check.verdict for check in behaviour.checks]
     bad, unsure = verdicts.count("bad"), verdicts.count("not judged")
-    counts = f"{len(verdicts)} checks: {verdicts.count('ok')} ok, {bad} bad"
+    counts = f"{plural(len(verdicts), 'check')}: {verdicts.count('ok')} ok, {bad} bad"
     return f"{counts}, {unsure} not judged" if unsure else counts
 
 
