@@ -47,7 +47,17 @@ def test_what_is_no_stage_is_said_in_no_words_of_a_course(
 
 def test_a_device_is_no_stage() -> None:
     said = answer("lint", "/dev/null")
-    assert "is not a file hint name a stage, or a folder with some" in said
+    assert "is not a file hint name a stage" in said
+
+
+@pytest.mark.parametrize("command", [("robots",), ("sim",), ("add", "clock")])
+def test_a_folder_is_no_stage_and_none_is_asked_for(
+    command: tuple[str, ...], tmp_path: Path
+) -> None:
+    said = answer(*command, tmp_path)
+    assert "is a folder" in said
+    assert "name one stage in it" in said
+    assert "folder with" not in said
 
 
 def test_a_student_is_still_told_to_go_back(tmp_path: Path) -> None:

@@ -239,8 +239,9 @@ def _check_kind(path: Path) -> None:
         raise StageError(absence(path)) from error
     if stat.S_ISDIR(kind):
         os.scandir(path).close()
+        raise StageError(f"{path}: is a folder", repair="name one stage in it")
     if not stat.S_ISREG(kind):
-        raise StageError(f"{path}: is not a file", repair="name a stage, or a folder with some")
+        raise StageError(f"{path}: is not a file", repair="name a stage")
 
 
 def check_layers_below(path: Path) -> None:
