@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from bare_robots import ROVER, add_lidar, add_rover, new_stage, rover_at
+from bare_robots import ROVER, add_lidar, add_link, add_rover, new_stage, rover_at
 from in_process import lab3
 from invoking import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -153,6 +153,21 @@ def test_several_robots_are_asked_about(tmp_path: Path) -> None:
         add(tmp_path / "two.usda", "drive")
     assert error.value.candidates == ("/World/alpha (2 wheels)", "/World/beta (2 wheels)")
     assert add(tmp_path / "two.usda", "drive", robot="/World/beta").additions[0].graph == DRIVE
+
+
+def test_a_robot_that_is_chosen_by_its_wheels_is_said_to_be(tmp_path: Path) -> None:
+    stage = new_stage(tmp_path / "two.usda")
+    add_rover(stage, "/World/alpha")
+    base = add_link(stage, "/World/crane/base", Gf.Vec3d(2, 0, 0))
+    UsdPhysics.ArticulationRootAPI.Apply(base)
+    stage.Save()
+    assert source_of_robot(tmp_path / "two.usda") == "the only one with wheels (root: base)"
+    assert source_of_robot(bot(tmp_path)) == "the only one (root: base)"
+
+
+def source_of_robot(path: Path) -> str:
+    holes = add(path, "drive").additions[0].holes
+    return next(hole.source for hole in holes if hole.name == "robot")
 
 
 def test_wheels_of_unequal_size_are_asked_about(tmp_path: Path) -> None:

@@ -13,7 +13,7 @@ from lab3_usd.author.choosing import (
 from lab3_usd.author.request import Options
 from lab3_usd.author.task import Hole, Task, leaf
 from lab3_usd.facts.frame_targets import frame_of_prim
-from lab3_usd.facts.robots import Robot, Sensor, robot_of
+from lab3_usd.facts.robots import Robot, Sensor, robot_of, robots
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.model.stage import StageModel
 
@@ -48,10 +48,10 @@ def fill(task: Task) -> list[Hole]:
     """
     holes = [Hole(name, value) for name, value in task.recipe.usual.items()]
     if task.robot is not None and "sensor" not in task.recipe.needs:
-        robot, option = task.robot, task.options.robot
-        source = (
-            f"root: {leaf(robot.root)}" if option else f"the only one (root: {leaf(robot.root)})"
-        )
+        robot, source = task.robot, f"root: {leaf(task.robot.root)}"
+        if task.options.robot is None:
+            is_single = len([other for other in robots(task.stage) if other.root]) == 1
+            source = f"the only one{'' if is_single else ' with wheels'} ({source})"
         holes += [
             Hole("robot", robot.path, "robot", robot.path, source, "--robot"),
             Hole("root", robot.root),
