@@ -158,3 +158,18 @@ def bad_checks(path: Path) -> list[str]:
     bad = [check for check in checks if check.verdict == "bad"]
     # Robots of two wheels whose castor has no collider tip over, whatever drives them.
     return [f"{check.name}: {check.text}" for check in bad if "tips over" not in check.cause]
+
+
+def test_the_help_of_removing_speaks_of_no_new_graph() -> None:
+    words = " ".join(invoke("remove", "--help").output.split())
+    assert "--graph PATH The graph to remove." in words
+    assert "Where the new graph stands" not in words
+    assert "--radius" not in words
+
+
+def test_the_words_that_added_a_graph_remove_it(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    words = ("drive", path, "--radius", "0.1", "--in-place")
+    assert invoke("add", *words).exit_code == 0
+    assert invoke("remove", *words).exit_code == 0
+    assert path.read_bytes() == ROVER.read_bytes()

@@ -22,7 +22,7 @@ from lab3_usd.commands.shared.writing import (
 )
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
-from lab3_usd.features.author.requests import kind_and_stage, request_options
+from lab3_usd.features.author.requests import kind_and_stage, removal_options
 from lab3_usd.files import refuse_existing, refuse_shared, write_whole
 from lab3_usd.installation import command_line
 
@@ -41,7 +41,7 @@ class RemovingOptions(Struct, frozen=True):
 
 @click.command("remove")
 @click.argument("words", nargs=-1, required=True, metavar="KIND STAGE", type=Input())
-@request_options
+@removal_options
 @writing_options("remaining")
 @click.option("--force", is_flag=True, help="Write in spite of new errors; replace any file.")
 @click.option("--isaac", "release", metavar="RELEASE", help="Judge by this release of Isaac Sim.")
@@ -54,7 +54,8 @@ def command(
     """Remove a graph that lab3 add added, or one that does the same.
 
     The graph goes, and the parents that were added with it; of a graph that was extended, the new
-    nodes. A text stage is then as it was, to the byte. The options choose one of several graphs.
+    nodes. A text stage is then as it was, to the byte. Further options of lab3 add are taken and
+    make no difference, so that the words that added a graph remove it.
 
     Exit status: 0 done or shown, 1 the result would have new errors, or with --diff a change, 2
     refused.

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -54,44 +55,85 @@ def _topics(text: str) -> dict[str, str]:
     return topics
 
 
+_SUBJECT = {
+    "--robot": "PRIM",
+    "--prim": "PRIM",
+    "--graph": "PATH",
+    "--into": "GRAPH",
+    "--topic": "NAME",
+    "--namespace": "NAME",
+    "--targets": "PRIMS",
+}
+
+
+def _subject(*texts: str) -> Option:
+    """Return the options that say what a graph is about; a text for each says what it does."""
+    return all_of(
+        *(
+            click.option(name, metavar=metavar, help=text)
+            for (name, metavar), text in zip(_SUBJECT.items(), texts, strict=True)
+        )
+    )
+
+
+def _values(*, hidden: bool) -> Option:
+    """Return the options that say how a graph is made."""
+    option = partial(click.option, hidden=hidden)
+    return all_of(
+        option("--command-topic", metavar="NAME", help="Of joints: the topic of commands."),
+        option("--frame", metavar="NAME", help="The frame of the sensor, or of the base."),
+        option("--domain", type=int, metavar="N", help="The ROS domain."),
+        option("--joints", metavar="A,B", help="Joints by name: left, right; or those of an arm."),
+        option("--indices", metavar="0,1", help="Joints by number instead."),
+        option("--radius", type=float, metavar="M", help="Radius of the wheels in metres."),
+        option("--distance", type=float, metavar="M", help="Between left and right, in metres."),
+        option("--publish", metavar="A,B", help="Outputs of a sensor: rgb, depth, laser_scan..."),
+        option("--width", type=int, metavar="PIXELS", help="Width of the picture."),
+        option("--height", type=int, metavar="PIXELS", help="Height of the picture."),
+        option("--metadata", metavar="A,B", help="Of a point cloud: Intensity, ObjectId..."),
+        option("--with-tf", is_flag=True, help="Also send the frame of the sensor."),
+        option("--robot-tf/--no-robot-tf", default=None, help="With odometry: the links' frames."),
+        option("--parent", metavar="PRIM", help="The prim below whose frame they hang."),
+        option("--node", metavar="NODE", help="Give --targets to this node of a graph."),
+        option("--states/--no-states", default=None, help="Of joints: publish states."),
+        option("--commands", is_flag=True, help="Of joints: take commands."),
+        option("--move/--no-move", default=None, help="With --commands: move the joints."),
+        option("--positions", metavar="A,B", help="Radians or metres; of velocity, a second."),
+        option("--gripper", metavar="PRIM", help="The link that carries the fingers."),
+        option("--open", type=float, metavar="M", help="Position of the open fingers."),
+        option("--close", type=float, metavar="M", help="Position of the closed fingers."),
+        option("--speed", type=float, metavar="M", help="Way of the fingers in a frame."),
+        option("--keyboard", is_flag=True, help="Keys move it: WASD; O, C, N of a gripper."),
+        option("--kind", metavar="NAME", help="Of publisher: rtf, bool, int64, string."),
+        made_of("request", Options.__struct_fields__, request_of),
+    )
+
+
 request_options: Option = all_of(
-    click.option("--robot", metavar="PRIM", help="The robot, if the stage has several."),
-    click.option("--prim", metavar="PRIM", help="The sensor, if there are several."),
-    click.option("--graph", metavar="PATH", help="Where the new graph stands."),
-    click.option("--into", metavar="GRAPH", help="Extend this graph, with its tick and context."),
-    click.option("--topic", metavar="NAME", help="The topic, or rgb=/a,depth=/b for each output."),
-    click.option("--command-topic", metavar="NAME", help="Of joints: the topic of commands."),
-    click.option("--namespace", metavar="NAME", help="Before the topics."),
-    click.option("--frame", metavar="NAME", help="The frame of the sensor, or of the base."),
-    click.option("--domain", type=int, metavar="N", help="The ROS domain."),
-    click.option(
-        "--joints", metavar="A,B", help="Joints by name: left, right; or those of an arm."
+    _subject(
+        "The robot, if the stage has several.",
+        "The sensor, if there are several.",
+        "Where the new graph stands.",
+        "Extend this graph, with its tick and context.",
+        "The topic, or rgb=/a,depth=/b for each output.",
+        "Before the topics.",
+        "The prims whose frames are sent.",
     ),
-    click.option("--indices", metavar="0,1", help="Joints by number instead."),
-    click.option("--radius", type=float, metavar="M", help="Radius of the wheels in metres."),
-    click.option("--distance", type=float, metavar="M", help="Between left and right, in metres."),
-    click.option("--publish", metavar="A,B", help="Outputs of a sensor: rgb, depth, laser_scan..."),
-    click.option("--width", type=int, metavar="PIXELS", help="Width of the picture."),
-    click.option("--height", type=int, metavar="PIXELS", help="Height of the picture."),
-    click.option("--metadata", metavar="A,B", help="Of a point cloud: Intensity, ObjectId..."),
-    click.option("--with-tf", is_flag=True, help="Also send the frame of the sensor."),
-    click.option(
-        "--robot-tf/--no-robot-tf", default=None, help="With odometry: the links' frames."
+    _values(hidden=False),
+)
+
+# What a graph was made of does not choose it: the words that added it remove it.
+removal_options: Option = all_of(
+    _subject(
+        "Of several graphs, the one of this robot.",
+        "Of several graphs, the one of this sensor.",
+        "The graph to remove.",
+        "The graph that was extended: remove its new nodes.",
+        "Of several graphs, the one with this topic.",
+        "The namespace before --topic.",
+        "Of several graphs, the one that names these prims.",
     ),
-    click.option("--targets", metavar="PRIMS", help="The prims whose frames are sent."),
-    click.option("--parent", metavar="PRIM", help="The prim below whose frame they hang."),
-    click.option("--node", metavar="NODE", help="Give --targets to this node of a graph."),
-    click.option("--states/--no-states", default=None, help="Of joints: publish states."),
-    click.option("--commands", is_flag=True, help="Of joints: take commands."),
-    click.option("--move/--no-move", default=None, help="With --commands: move the joints."),
-    click.option("--positions", metavar="A,B", help="Radians or metres; of velocity, a second."),
-    click.option("--gripper", metavar="PRIM", help="The link that carries the fingers."),
-    click.option("--open", type=float, metavar="M", help="Position of the open fingers."),
-    click.option("--close", type=float, metavar="M", help="Position of the closed fingers."),
-    click.option("--speed", type=float, metavar="M", help="Way of the fingers in a frame."),
-    click.option("--keyboard", is_flag=True, help="Keys move it: WASD; O, C, N of a gripper."),
-    click.option("--kind", metavar="NAME", help="Of publisher: rtf, bool, int64, string."),
-    made_of("request", Options.__struct_fields__, request_of),
+    _values(hidden=True),
 )
 
 
