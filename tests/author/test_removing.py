@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
+import json
 import shutil
 from pathlib import Path
 
 import pytest
 from bare_robots import ROVER, add_rover, new_stage, rover_at
 from invoking import invoke
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from lab3_usd.author.adding import AddOptions, add_graphs
 from lab3_usd.author.removing import remove_graph
@@ -173,3 +174,17 @@ def test_the_words_that_added_a_graph_remove_it(tmp_path: Path) -> None:
     assert invoke("add", *words).exit_code == 0
     assert invoke("remove", *words).exit_code == 0
     assert path.read_bytes() == ROVER.read_bytes()
+
+
+def test_a_graph_that_somebody_else_made_is_named_before_it_goes(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    invoke("add", "tf", path, "--in-place")
+    assert "not added by lab3" not in invoke("remove", "tf", path).output
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    for prim in ("/World/Graphs", "/World/Graphs/TF"):
+        layer.GetPrimAtPath(prim).ClearInfo("customData")
+    layer.Save()
+    named, going, _ = invoke("remove", "tf", path).output.splitlines()
+    assert "/World/Graphs/TF was not added by lab3, but does what lab3 add tf adds" in named
+    assert "would remove /World/Graphs" in going
+    assert not json.loads(invoke("remove", "tf", path, "--format", "json").output)["added_by_lab3"]

@@ -27,11 +27,13 @@ from lab3_usd.stage.read.properties import release_start_values
 class Removed(Struct, frozen=True):
     """A stage without a graph: the prims that went, and the findings that came.
 
-    `graph` is the graph that went, or that lost nodes.
+    `graph` is the graph that went, or that lost nodes; `is_foreign` where no recipe brought it, but
+    it does what one does.
     """
 
     path: Path
     graph: str
+    is_foreign: bool
     prims: tuple[str, ...]
     new: tuple[Finding, ...]
     state: FileState
@@ -43,6 +45,7 @@ class Candidate(Struct, frozen=True):
 
     graph: str
     nodes: tuple[str, ...] = ()
+    is_foreign: bool = False
 
 
 @quiet()
@@ -73,7 +76,7 @@ def remove_graph(path: Path, request: Request, release: str) -> Removed:
         if finding.severity != "note"
         and (finding.rule, finding.identity or finding.prim, finding.property) not in known
     )
-    return Removed(path, chosen.graph, prims, new, state, data)
+    return Removed(path, chosen.graph, chosen.is_foreign, prims, new, state, data)
 
 
 def _chosen(request: Request, editing: Editing) -> Candidate:
@@ -108,7 +111,7 @@ def _candidates(recipe: Recipe, editing: Editing) -> Iterator[Candidate]:
     yield from found
     for graph in editing.model.graphs:
         if graph.path not in known and _does(graph, recipe, editing):
-            yield Candidate(graph.path)
+            yield Candidate(graph.path, is_foreign=True)
 
 
 def _does(graph: GraphModel, recipe: Recipe, editing: Editing) -> bool:

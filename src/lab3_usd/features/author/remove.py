@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import sys
+from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
@@ -27,6 +28,7 @@ from lab3_usd.files import refuse_existing, refuse_shared, write_whole
 from lab3_usd.installation import command_line
 
 if TYPE_CHECKING:
+    from lab3_usd.author.removing import Removed
     from lab3_usd.author.request import Options
 
 
@@ -94,6 +96,7 @@ def command(
         document = {
             "stage": str(stage),
             "graph": removed.graph,
+            "added_by_lab3": not removed.is_foreign,
             "removed": list(removed.prims),
             "written": bool(is_written),
             "findings": [
@@ -103,12 +106,8 @@ def command(
         }
         click.echo(json.dumps(document, indent=2, ensure_ascii=False))
         sys.exit(1 if is_refused else 0)
-    verb = "removed" if is_written else "would remove"
-    click.echo(f"{shown(stage)}: {verb} {', '.join(removed.prims)}")
-    for finding in removed.new:
-        click.echo(
-            f"  lint      new {finding.severity} {finding.rule} {finding.prim}: {finding.message}"
-        )
+    for line in _text(removed, kind, shown(stage), is_written=bool(is_written)):
+        click.echo(line)
     for line in lines:
         click.echo(line)
     if is_refused:
@@ -118,3 +117,12 @@ def command(
         call = (program(), "remove", *words, *given_words(context), "--in-place")
         click.echo(f"to write: {command_line(*call)}")
     sys.exit(1 if is_refused else 0)
+
+
+def _text(removed: Removed, kind: str, name: str, *, is_written: bool) -> Iterator[str]:
+    if removed.is_foreign:
+        says = f"was not added by lab3, but does what lab3 add {kind} adds"
+        yield f"{name}: {removed.graph} {says}"
+    yield f"{name}: {'removed' if is_written else 'would remove'} {', '.join(removed.prims)}"
+    for found in removed.new:
+        yield f"  lint      new {found.severity} {found.rule} {found.prim}: {found.message}"
