@@ -278,12 +278,15 @@ def test_a_graph_that_is_extended_keeps_its_tick_and_context(tmp_path: Path) -> 
     assert ticks == ["/World/Ros/on_playback_tick", "/World/Ros/ros2_context"]
 
 
-def test_a_lidar_that_cannot_be_read_is_refused(tmp_path: Path) -> None:
+def test_a_lidar_that_cannot_be_read_is_written_only_by_force(tmp_path: Path) -> None:
     path = bot(tmp_path)
     stage = Usd.Stage.Open(str(path))
     add_lidar(stage, "/World/Bot/base/laser", with_api=False)
     stage.Save()
-    assert "OmniSensorGenericLidarCoreAPI" in refusal(path, "lidar")
+    told = refusal(path, "lidar")
+    assert "lacks OmniSensorGenericLidarCoreAPI; apply it (apiSchemas of the prim)" in told
+    assert "--force" in told
+    assert written(path, "lidar", force=True).GetPrimAtPath("/World/Graphs/Lidar")
 
 
 def test_each_picture_with_labels_has_a_topic_for_them(tmp_path: Path) -> None:

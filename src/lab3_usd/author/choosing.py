@@ -142,10 +142,6 @@ def _check_sensor(prim: Prim, recipe: Recipe, stage: StageModel) -> None:
             f"{prim.path} is no {recipe.kind}: its type is '{prim.type}', expected "
             f"{' or '.join(wanted.types)}"
         )
-    if wanted.needs and wanted.needs not in prim.apis and stage.unknown(prim.path) is None:
-        raise UsageError(
-            f"{prim.path} is no {recipe.kind} that Isaac Sim can read: it lacks {wanted.needs}"
-        )
     if wanted.inside:
         carrier = joined_bodies(stage).carrier(prim.path)
         holder = stage.prim(carrier) if carrier else None

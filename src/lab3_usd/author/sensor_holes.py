@@ -11,6 +11,7 @@ from lab3_usd.author.ros_holes import checked_topic
 from lab3_usd.author.task import Hole, Task
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
+from lab3_usd.facts.robots import Sensor
 
 
 def sensor(task: Task) -> Iterator[Hole]:
@@ -18,7 +19,12 @@ def sensor(task: Task) -> Iterator[Hole]:
     sensor = task.sensor
     if sensor is None:
         raise UsageError(f"{task.recipe.kind} needs a sensor")
-    prim = sensor.prim
+    prim, lacks = sensor.prim, _lacking_schema(task, sensor)
+    if lacks and not task.force:
+        raise UsageError(
+            f"{prim.path} is no {task.recipe.kind} that Isaac Sim can read: it lacks {lacks}; "
+            "apply it (apiSchemas of the prim), or --force"
+        )
     is_scan = "laser_scan" in (task.options.publish or task.recipe.publishes)
     fault = stopping_fault(prim, task.stage, is_scan=is_scan)
     if fault and not task.force:
@@ -28,6 +34,14 @@ def sensor(task: Task) -> Iterator[Hole]:
     frame = task.options.frame
     why = "given" if frame else "the name of the prim"
     yield Hole("frame", frame or sensor.frame, "frame", frame or sensor.frame, why, "--frame")
+
+
+def _lacking_schema(task: Task, sensor: Sensor) -> str:
+    """Return the schema without which a sensor is not read, '' where it may have it."""
+    wanted, prim = task.recipe.sensor, sensor.prim
+    if wanted is None or wanted.needs in prim.apis or task.stage.unknown(prim.path) is not None:
+        return ""
+    return wanted.needs
 
 
 def outputs(task: Task) -> Iterator[Hole]:
