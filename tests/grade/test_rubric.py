@@ -591,6 +591,15 @@ def test_a_wrong_rubric_is_one_line_that_names_what_is_wrong(tmp_path: Path, cas
     assert "\n" not in str(error.value)
 
 
+def test_of_a_misspelt_name_the_likely_one_is_offered_instead_of_all(tmp_path: Path) -> None:
+    with pytest.raises(
+        SpecError, match=r"'folows' is not known; did you mean follows\?, at [^,]+$"
+    ):
+        made(tmp_path, with_item("drive", dry_run=["folows"]))
+    with pytest.raises(SpecError, match=r"'juggles' is not known; known are .*, follows, "):
+        made(tmp_path, with_item("drive", dry_run=["juggles"]))
+
+
 @pytest.mark.parametrize("text", ["", "- 1\n", "title: [", "!!python/object:os.system x\n"])
 def test_a_file_that_is_no_rubric_is_refused(tmp_path: Path, text: str) -> None:
     path = tmp_path / "mine.yaml"

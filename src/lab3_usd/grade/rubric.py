@@ -17,6 +17,7 @@ from lab3_usd.check.checker import judge
 from lab3_usd.check.registry import FAMILIES, all_rules
 from lab3_usd.data import program
 from lab3_usd.errors import SpecError
+from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.model.fault import FAULT_KINDS
 from lab3_usd.model.finding import REQUIREMENT_KINDS, Requirement, is_among
 from lab3_usd.model.stage import StageModel
@@ -243,10 +244,11 @@ def one_of(value: str, known: Collection[str], place: str) -> None:
     """Refuse a value that is not one of the `known`.
 
     Raises:
-        SpecError: it is not; the message names them.
+        SpecError: it is not; the message names the one that is likely meant, else all of them.
     """
     if value not in known:
-        raise SpecError(f"{place}: {value!r} is not known; known are {', '.join(known)}")
+        ways = did_you_mean(likely_name(value, known)) or f"; known are {', '.join(known)}"
+        raise SpecError(f"{place}: {value!r} is not known{ways}")
 
 
 def _check_needs(item: Item, names: tuple[str, ...], place: str) -> None:
