@@ -69,7 +69,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises:
         SpecError: the file is missing, is not YAML, holds a wrong key, or is no mapping.
     """
-    return _read(path, path.read_bytes)
+    return _read(path, path.read_bytes, _loaded)
 
 
 def read_foreign_yaml(path: Path) -> dict[str, Any]:
@@ -78,7 +78,7 @@ def read_foreign_yaml(path: Path) -> dict[str, Any]:
     Raises:
         SpecError: as `read_yaml`, or the file is larger than a megabyte, or nested too deeply.
     """
-    return _read(path, lambda: _bounded(path))
+    return _read(path, lambda: _bounded(path), _loaded_unless_deep)
 
 
 def _bounded(path: Path) -> bytes:
@@ -88,8 +88,16 @@ def _bounded(path: Path) -> bytes:
         text = file.read(_MEGABYTE + 1)
     if len(text) > _MEGABYTE:
         raise SpecError(f"{path.name}: is larger than {_MEGABYTE} bytes")
-    refuse_deep(text)
     return text
+
+
+def _loaded(text: bytes) -> Any:
+    return yaml.load(text, Loader=_UniqueKeys)  # noqa: S506 - a safe loader
+
+
+def _loaded_unless_deep(text: bytes) -> Any:
+    refuse_deep(text)
+    return _loaded(text)
 
 
 def refuse_deep(text: bytes) -> None:
@@ -108,9 +116,11 @@ def refuse_deep(text: bytes) -> None:
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
 
 
-def _read(path: Path, content: Callable[[], bytes]) -> dict[str, Any]:
+def _read(path: Path, content: Callable[[], bytes], load: Callable[[bytes], Any]) -> dict[str, Any]:
+    text = b""
     try:
-        data = yaml.load(content(), Loader=_UniqueKeys)  # noqa: S506 - a safe loader
+        text = content()
+        data = load(text)
     except OSError as error:
         raise SpecError(
             f"{path.name}: cannot be read ({error.strerror}); expected at {path}"
@@ -119,6 +129,9 @@ def _read(path: Path, content: Callable[[], bytes]) -> dict[str, Any]:
         mark = getattr(error, "problem_mark", None)
         problem = getattr(error, "problem", None) or "is not YAML text"
         line = f"line {mark.line + 1}: " if mark is not None else ""
+        rest = b"" if mark is None else b"".join(text.splitlines()[mark.line :])[mark.column :]
+        if mark is not None and not rest.strip():
+            problem = f"the file ends too early: close what is open, or add a value ({problem})"
         raise SpecError(f"{path.name}: {line}{problem}") from error
     if not isinstance(data, dict):
         raise SpecError(f"{path.name}: is not a mapping of names to values")

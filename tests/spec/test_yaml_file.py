@@ -65,3 +65,22 @@ def test_a_tag_that_does_not_fit_is_one_line(tmp_path: Path, text: str) -> None:
     with pytest.raises(SpecError, match=r"^rubric\.yaml: ") as error:
         read_foreign_yaml(path)
     assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("text", ["a: 1\nb: [c,\n", "a: 1\nb: 'c", "a: 1\nb\n", "b: {c: [1\n\n"])
+def test_a_text_that_ends_too_early_is_told_so(tmp_path: Path, text: str) -> None:
+    path = tmp_path / "rubric.yaml"
+    path.write_text(text)
+    with pytest.raises(SpecError, match=r"^rubric\.yaml: line \d: the file ends too early: close"):
+        read_foreign_yaml(path)
+
+
+@pytest.mark.parametrize("text", ["a: [c}\nb: 1\n", "a: 1\n a: 2\nb: 1\n", "a: 1\na: 2"])
+def test_a_text_that_is_wrong_before_its_end_is_told_what_is_wrong(
+    tmp_path: Path, text: str
+) -> None:
+    path = tmp_path / "rubric.yaml"
+    path.write_text(text)
+    with pytest.raises(SpecError) as error:
+        read_foreign_yaml(path)
+    assert "too early" not in str(error.value)
