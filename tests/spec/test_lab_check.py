@@ -502,3 +502,15 @@ def test_a_target_is_looked_up_in_the_stages_that_are_given(folder: Path) -> Non
 def test_a_target_that_a_stage_has_beside_the_starter_is_no_error(folder: Path) -> None:
     stage = built() / "work" / "Lab3_05_navigation.usda"
     assert invoke("lab", "check", folder, "--from", stage).exit_code == 0
+
+
+def test_a_folder_that_describes_no_lab_is_said_to_be_empty_or_without_checkpoints(
+    tmp_path: Path,
+) -> None:
+    with pytest.raises(SpecError, match=r"gone: there is no such folder; name one"):
+        load_lab(tmp_path / "gone")
+    with pytest.raises(SpecError, match=f"^{tmp_path}: is empty; name a folder that describes"):
+        invoke("lab", "check", tmp_path)
+    (tmp_path / "scene.yaml").touch()
+    with pytest.raises(SpecError, match=f"^{tmp_path}: holds no checkpoints.yaml; name a folder"):
+        invoke("lab", "check", tmp_path)

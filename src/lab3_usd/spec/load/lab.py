@@ -10,7 +10,7 @@ from typing import Any
 from msgspec import UNSET, Struct, UnsetType
 from msgspec.structs import replace
 
-from lab3_usd.data import data_folder, lab_folder
+from lab3_usd.data import data_folder, lab_folder, program
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import typed_value
@@ -260,10 +260,25 @@ def assemble_lab(folder: Path, platform_of: Callable[[Path], Platform]) -> Lab:
     Raises:
         SpecError: a file is missing or wrong; the line ends with its place in the file.
     """
+    _refuse_no_lab(folder)
     try:
         return _assembled(folder, platform_of(folder))
     except SpecError as error:
         raise located(error, folder) from error
+
+
+def _refuse_no_lab(folder: Path) -> None:
+    """Refuse a folder that describes no lab at all.
+
+    Raises:
+        SpecError: it is missing, empty, or without the file that names the others.
+    """
+    if not folder.is_dir():
+        raise SpecError(f"{folder}: there is no such folder; name one that describes a lab")
+    if not (folder / CHECKPOINTS).is_file():
+        what = f"holds no {CHECKPOINTS}" if any(folder.iterdir()) else "is empty"
+        write = f"{program()} lab new DIR STAGE... describes one"
+        raise SpecError(f"{folder}: {what}; name a folder that describes a lab ({write})")
 
 
 def _assembled(folder: Path, platform: Platform) -> Lab:
