@@ -74,6 +74,11 @@ def make_folder(folder: Path) -> None:
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
+    except (FileExistsError, NotADirectoryError) as error:
+        file = next((place for place in (folder, *folder.parents) if place.is_file()), None)
+        if file is None:
+            raise unwritten(folder, error) from error
+        raise UsageError(f"{file}: is a file, and a folder is needed; name another one") from error
     except OSError as error:
         raise unwritten(folder, error) from error
 

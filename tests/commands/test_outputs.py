@@ -263,6 +263,14 @@ def test_the_folder_of_an_output_must_be_there(call: str, place: Path) -> None:
     assert not (place / "no").exists()
 
 
+@pytest.mark.parametrize("call", ["build -o taken --only 01", "draw STAGE -o taken/below"])
+def test_where_a_folder_is_needed_a_file_is_told(call: str, place: Path) -> None:
+    (place / "taken").write_text("mine")
+    answer = said(*(PLACES.get(word, word) for word in call.split()))
+    assert "taken: is a file, and a folder is needed; name another one" in answer
+    assert (place / "taken").read_text() == "mine"
+
+
 @pytest.mark.parametrize("call", ["lint STAGE -o loop", "sim STAGE --bag loop", "starter -o loop"])
 def test_a_link_to_itself_is_no_output(call: str, place: Path) -> None:
     (place / "loop").symlink_to("loop")

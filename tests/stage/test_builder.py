@@ -491,7 +491,7 @@ def test_a_folder_under_a_checkpoints_name_is_no_file(force: bool, tmp_path: Pat
 def test_a_file_in_place_of_the_folder_is_refused(tmp_path: Path) -> None:
     (tmp_path / "out").write_text("mine\n")
     for out in (tmp_path / "out", tmp_path / "out" / "below"):
-        with pytest.raises(StageError):
+        with pytest.raises(UsageError, match=r"out: is a file, and a folder is needed"):
             build(None, out)
     assert (tmp_path / "out").read_text() == "mine\n"
 

@@ -13,7 +13,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from lab3_usd.errors import Lab3Error, NoRoomError, StageError, UsageError, unwritten
 from lab3_usd.facts.frame_targets import NAME_OVERRIDE
-from lab3_usd.files import temporary_beside
+from lab3_usd.files import make_folder, temporary_beside
 from lab3_usd.model.physics import MASS
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
@@ -133,7 +133,7 @@ def build_files(
     lab = articulated_at_roots(lab, robots_articulated_at_root(lab, stage))
     _check_targets(plan, stage, options)
     for target in plan:
-        _make_folder(target.parent)
+        make_folder(target.parent)
     written: dict[Path, Path] = {}
     try:
         for target, layer in _checkpoint_layers(lab, stage, plan, options):
@@ -171,13 +171,6 @@ def _check_targets(plan: dict[Path, Checkpoint], stage: Usd.Stage, options: Buil
             raise UsageError(f"{target}: is a folder; choose another one for --output")
         if not options.force:
             raise UsageError(f"{target}: exists already; choose another folder or give --force")
-
-
-def _make_folder(folder: Path) -> None:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise StageError(f"{folder}: cannot be made ({error.strerror})") from error
 
 
 def _checkpoint_layers(
