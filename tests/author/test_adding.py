@@ -375,6 +375,15 @@ def test_a_release_without_a_node_type_refuses_its_recipe(tmp_path: Path) -> Non
     assert "2022.2 has no" in answer.stderr
 
 
+def test_a_release_with_other_names_of_types_is_refused_in_one_line(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    answer = lab3("add", "odometry", path, "--isaac", "4.2")
+    assert answer.returncode == 2
+    assert "graphs of odometry are written for Isaac Sim 4.5 and later" in answer.stderr
+    assert lab3("add", "odometry", path, "--isaac", "4.2", "--force").returncode == 0
+    assert lab3("add", "odometry", path, "--isaac", "4.5").returncode == 0
+
+
 def test_a_graph_with_other_outputs_is_renewed_as_a_whole(tmp_path: Path) -> None:
     path = rover_at(tmp_path)
     written(path, "camera", publish=("rgb", "depth"))
