@@ -509,3 +509,18 @@ def test_one_check_is_counted_as_one(tmp_path: Path) -> None:
     told = lab3("add", "differential", path, "--check-drive", "--in-place").stdout
     assert "play      1 check, 1 ok" in told
     assert "\n1 check: 1 ok, 0 bad" in lab3("sim", path).stdout
+
+
+def test_a_gripper_asks_for_all_that_it_lacks_at_once(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    joints = ("left_joint", "right_joint")  # without limits
+    text = refusal(path, "gripper", joints=joints)
+    assert [name for name in ("--open", "--close", "--speed") if name in text] == [
+        "--open",
+        "--close",
+        "--speed",
+    ]
+    text = refusal(path, "gripper", joints=joints, open=0.04, speed=0.001)
+    assert "--close" in text
+    assert "--open" not in text
+    assert add(path, "gripper", joints=joints, open=0.04, close=0.0, speed=0.001).data is not None

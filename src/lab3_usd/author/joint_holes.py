@@ -121,16 +121,21 @@ def gripper(task: Task) -> Iterator[Hole]:
     yield Hole("joint_names", tuple(j.name for j in joints), "joints", shown, source, "--joints")
     limits = {(joint.low, joint.high) for joint in joints}
     low, high = next(iter(limits)) if len(limits) == 1 else (math.nan, math.nan)
+    lacking = []
     for name, value, limit in (("open", options.open, high), ("close", options.close, low)):
         if value is not None:
             yield Hole(name, (float(value),), name, f"{value:g}", "given", f"--{name}")
         elif math.isfinite(limit) and joints[0].prim.type != "":
             yield Hole(name, (limit,), name, f"{limit:g}", "limit of the joints", f"--{name}")
         else:
-            raise UsageError(f"the fingers have no common limits: give --{name}")
-    if options.speed is None:
-        raise UsageError("give --speed: how far the fingers move in a frame")
-    yield Hole("speed", (float(options.speed),), "speed", f"{options.speed:g}", "given", "--speed")
+            lacking.append(f"--{name}")
+    asked = [f"{' and '.join(lacking)} (the fingers have no common limits)"] if lacking else []
+    speed = options.speed
+    if speed is None:
+        asked.append("--speed (how far the fingers move in a frame)")
+    if asked or speed is None:
+        raise UsageError(f"give {', '.join(asked)}")
+    yield Hole("speed", (float(speed),), "speed", f"{speed:g}", "given", "--speed")
     yield Hole("keyboard", bool(options.keyboard))
 
 
