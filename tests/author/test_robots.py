@@ -152,3 +152,12 @@ def test_its_json_names_each_joint_and_sensor() -> None:
         ("right", 0.1),
     ]
     assert {sensor["kind"] for sensor in robot["sensors"]} == {"camera", "lidar"}
+
+
+def test_a_file_that_is_missing_is_named_once(tmp_path: Path) -> None:
+    stage = new_stage(tmp_path / "scene.usda")
+    for name in ("one", "two"):
+        prim = UsdGeom.Xform.Define(stage, f"/World/{name}").GetPrim()
+        prim.GetReferences().AddReference("./gone.usda")
+    stage.Save()
+    assert invoke("robots", tmp_path / "scene.usda").output.count("gone.usda") == 1

@@ -43,7 +43,7 @@ def command(stage: Path, form: str, release: str | None, assets: tuple[str, ...]
     found = robots(model)
     own = {sensor.prim.path for robot in found for sensor in robot.sensors}
     others = [sensor for sensor in sensors(model) if sensor.prim.path not in own]
-    missing = [asset.asset for asset in model.unresolved]
+    missing = list(dict.fromkeys(asset.asset for asset in model.unresolved))
     if form == "json":
         document = {
             "stage": str(stage),
