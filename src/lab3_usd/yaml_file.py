@@ -138,6 +138,27 @@ def _read(path: Path, content: Callable[[], bytes], load: Callable[[bytes], Any]
     return data
 
 
+def line_of(path: Path, keys: Iterable[str | int]) -> int:
+    """Return the line of a key, or of an entry of a list, in a YAML file that can be read.
+
+    `keys` lead there; of one that the text itself does not have, the last one before it counts.
+    """
+    node: Any = yaml.compose(path.read_bytes(), Loader=_Safe)
+    line = node.start_mark.line
+    for key in keys:
+        if isinstance(node, yaml.SequenceNode) and isinstance(key, int):
+            found = [(entry, entry) for entry in node.value[key : key + 1]]
+        elif isinstance(node, yaml.MappingNode):
+            found = [(name, value) for name, value in node.value if name.value == key]
+        else:
+            break
+        if not found:
+            break
+        name, node = found[0]
+        line = name.start_mark.line
+    return int(line) + 1
+
+
 _T = TypeVar("_T")
 _NAMES = {str: "text", int: "a whole number", float: "a number", bool: "true or false"}
 _LISTS = (list, tuple)

@@ -353,12 +353,26 @@ def test_a_file_of_requests_brings_a_stage_there_and_changes_nothing_twice(tmp_p
     assert invoke("add", "--file", requests, path, "--diff").exit_code == 1
 
 
-def test_an_unknown_option_in_a_file_is_named(tmp_path: Path) -> None:
-    path, requests = rover_at(tmp_path), tmp_path / "ros.yaml"
-    requests.write_text("add:\n  - drive: {raduis: 0.1}\n")
-    answer = lab3("add", "--file", requests, path)
+@pytest.mark.parametrize(
+    ("entry", "words"),
+    [
+        ("drive: {raduis: 0.1}", "'raduis' is no option of drive; did you mean radius?"),
+        ("drive:\n      topc: /go", "'topc' is no option of drive; did you mean topic?"),
+        ("clock: {radius: 0.1}", "'radius' is no option of clock; known are domain"),
+        ("clok", "'clok' is no kind of graph; did you mean clock?"),
+        ("{drive: {}, clock: {}}", "names 2 kinds"),
+        ("drive: {radius: wide}", "drive: 'radius' is 'wide', expected a number"),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_named_with_its_line(
+    entry: str, words: str, tmp_path: Path
+) -> None:
+    requests = tmp_path / "ros.yaml"
+    requests.write_text(f"add:\n  - odometry\n  - {entry}\n")
+    answer = lab3("add", "--file", requests, rover_at(tmp_path))
     assert answer.returncode == 2
-    assert "raduis" in answer.stderr
+    line = 4 if "topc" in entry else 3
+    assert answer.stderr.startswith(f"lab3: ros.yaml: line {line}: {words}")
 
 
 def test_json_names_what_was_inferred_and_from_what(tmp_path: Path) -> None:

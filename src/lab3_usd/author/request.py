@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
@@ -10,9 +11,10 @@ import msgspec
 from msgspec import Struct
 from msgspec.structs import fields
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import SpecError, UsageError
+from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.isaac.recipes import Recipe
-from lab3_usd.yaml_file import as_record, read_foreign_yaml
+from lab3_usd.yaml_file import as_record, line_of, read_foreign_yaml
 
 # Options that every kind takes, those of kinds with a robot, of sensors, and of ROS.
 _EVERY = ("graph", "into")
@@ -115,7 +117,9 @@ def recipe_of(kind: str, recipes: Mapping[str, Recipe]) -> Recipe:
     """
     recipe = recipes.get(kind)
     if recipe is None:
-        raise UsageError(f"'{kind}' is no kind of graph; known are {', '.join(sorted(recipes))}")
+        near = did_you_mean(likely_name(kind, list(recipes)))
+        listed = ", ".join(sorted(recipes))
+        raise UsageError(f"'{kind}' is no kind of graph{near}; known are {listed}")
     return recipe
 
 
@@ -132,32 +136,56 @@ def options_of(values: Mapping[str, Any], where: str) -> Options:
         raise UsageError(f"{where}: {error}") from error
 
 
-def requests_of_file(path: Path) -> list[Request]:
+def requests_of_file(path: Path, recipes: Mapping[str, Recipe]) -> list[Request]:
     """Return the requests that a file lists.
 
     `add: [clock, {drive: {topic: /cmd_vel}}]`
 
     Raises:
         SpecError: the file is no YAML of this form.
-        UsageError: an option is unknown or has another type.
+        UsageError: a kind or an option is unknown, or a value has another type; the text names the
+            file and the line.
     """
     content = as_record(read_foreign_yaml(path), _File, path.name)
-    return [_request(entry, f"{path.name}: add: {n}") for n, entry in enumerate(content.add, 1)]
+    return [_request(path, number, entry, recipes) for number, entry in enumerate(content.add)]
 
 
-def _request(entry: str | Mapping[str, Mapping[str, Any] | None], where: str) -> Request:
-    if isinstance(entry, str):
-        return Request(entry)
-    if len(entry) != 1:
-        raise UsageError(f"{where}: names {len(entry)} kinds; write one entry for each")
-    kind, values = next(iter(entry.items()))
-    return Request(kind, options_of(_tuples(values or {}), f"{where}: {kind}"))
+def _request(
+    path: Path,
+    number: int,
+    entry: str | Mapping[str, Mapping[str, Any] | None],
+    recipes: Mapping[str, Recipe],
+) -> Request:
+    kinds = {entry: None} if isinstance(entry, str) else entry
+    options: dict[str, Any] = {}
+    with _at(path, "add", number):
+        if len(kinds) != 1:
+            raise UsageError(f"names {len(kinds)} kinds; write one entry for each")
+        kind, values = next(iter(kinds.items()))
+        recipe = recipe_of(kind, recipes)
+    for key, value in (values or {}).items():
+        with _at(path, "add", number, kind, key):
+            options |= _option(key, value, recipe).given()
+    request = Request(kind, Options(**options))
+    with _at(path, "add", number):
+        checked(request, recipes)
+    return request
 
 
-def _tuples(values: Mapping[str, Any]) -> dict[str, Any]:
-    return {name: _listed(value) for name, value in values.items()}
+@contextmanager
+def _at(path: Path, *keys: str | int) -> Iterator[None]:
+    """Name the file and the line of what is refused."""
+    try:
+        yield
+    except (UsageError, SpecError) as error:
+        raise UsageError(f"{path.name}: line {line_of(path, keys)}: {error}") from error
 
 
-def _listed(value: Any) -> Any:
-    is_list = isinstance(value, Sequence) and not isinstance(value, str)
-    return tuple(value) if is_list else value
+def _option(key: str, value: Any, recipe: Recipe) -> Options:
+    """Return one option of a file."""
+    name = key.replace("_", "-")
+    known = sorted(taken.replace("_", "-") for taken in taken_options(recipe))
+    if name not in known:
+        near, listed = did_you_mean(likely_name(name, known)), ", ".join(known)
+        raise UsageError(f"'{key}' is no option of {recipe.kind}{near}; known are {listed}")
+    return as_record({name: value}, Options, recipe.kind)

@@ -111,6 +111,7 @@ def command(
     from lab3_usd.author.adding import AddOptions
     from lab3_usd.author.request import Request, requests_of_file
     from lab3_usd.isaac.releases import BASE
+    from lab3_usd.pipeline.any_stage import lint_platform
 
     kind, stage = kind_and_stage(words, has_file=asked.requests is not None)
     check_ways([stage], writing, layer=asked.layer)
@@ -118,7 +119,8 @@ def command(
     if asked.requests is None:
         requests = [Request(kind, request)]
     else:
-        requests = requests_of_file(asked.requests)
+        recipes = lint_platform(asked.release or BASE).recipes
+        requests = requests_of_file(asked.requests, recipes)
     settings = AddOptions(
         asked.release or BASE,
         force=asked.force,
