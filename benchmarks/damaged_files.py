@@ -3,8 +3,8 @@
 Usage: python benchmarks/damaged_files.py [--kind KIND ...] [--flips N] [--seed N]
 
 Of each file every byte of its first and last 200 is changed once, N bytes elsewhere, and it is cut
-at 40 places. A command may refuse what is left or judge it: in 10 seconds, with 2 GB of memory, and
-with no error of its own. What fails is printed, and the exit status is 1.
+at 40 places. A command may refuse what is left or judge it: in 10 seconds of a processor, with 2 GB
+of memory, and with no error of its own. What fails is printed, and the exit status is 1.
 """
 
 from __future__ import annotations
@@ -14,7 +14,6 @@ import os
 import random
 import resource
 import shutil
-import signal
 import sys
 import tempfile
 from collections import Counter
@@ -90,7 +89,7 @@ def answer(words: tuple[object, ...]) -> str:
     if not child:
         resource.setrlimit(resource.RLIMIT_AS, (MEMORY, MEMORY))
         resource.setrlimit(resource.RLIMIT_CORE, (0, 0))
-        signal.alarm(SECONDS)
+        resource.setrlimit(resource.RLIMIT_CPU, (SECONDS, SECONDS))
         status = 99
         try:
             done = lab3(*words)

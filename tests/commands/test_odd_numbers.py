@@ -19,6 +19,7 @@ KNOWN = (
     f"05: {LIDAR}.omni:sensor:Core:scanRateBaseHz = 4.29497e+09",
     "05: /turtlebot3_burger/joints/caster_back_joint.physics:localRot0 = -inf",
     "truck: /Fleet/Truck/Steering/ackermann.inputs:wheelBase = its default",
+    "05: metersPerUnit = 1.79769e+308",
 )
 
 

@@ -180,8 +180,10 @@ def _is_odd_inertia(stage: StageModel, own: Sequence[tuple[Collider, str]]) -> b
             continue
         parts = [body] if body in _wheels(stage) else [*bodies]
         box = _around(box for box, of in own if of in parts)
-        size = sum((high - low) ** 2 for low, high in zip(box.low, box.high, strict=True)) / 4
+        sides = [high - low for low, high in zip(box.low, box.high, strict=True)]
+        size = sum(side * side for side in sides) / 4
         usual = sum(masses[part] for part in parts) * size
-        if max(map(abs, inertia)) * stage.meters_per_unit**2 > _HEAVY * usual:
+        unit = stage.meters_per_unit  # not to a power, which raises for the largest numbers
+        if max(map(abs, inertia)) * unit * unit > _HEAVY * usual:
             return True
     return False
