@@ -32,6 +32,7 @@ CALLS = {
     "check STAGE --config other.toml": "-o --write-baseline",
     "lint STAGE": "-o --write-baseline",
     "lint work --baseline base.json": "-o --write-baseline",
+    "lint STAGE --last-failed base.json": "-o --write-baseline",
     "lint STAGE --fix": "-o",
     "fix STAGE --starter STARTER --force": "-o",
     "add publisher STAGE --force": "-o --layer",
