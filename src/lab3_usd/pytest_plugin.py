@@ -192,9 +192,11 @@ class LintedFile(pytest.File):
 
     def collect(self) -> Iterator[pytest.Item]:
         """Yield the one test."""
+        from lab3_usd.config.settings import Config
         from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 
-        result = lint_stage(self.path, JudgeSettings(heeds_ignores=True))
+        given = _configuration(self.config, "--lab3-lint", self.path) or Config()
+        result = lint_stage(self.path, JudgeSettings(heeds_ignores=True, config=given))
         if result.is_beside_the_point:
             return
         item = NoFaultsItem.from_parent(self, name="lint")

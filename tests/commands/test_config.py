@@ -235,6 +235,15 @@ def test_lint_is_configured_as_check_is(wrong: Path) -> None:
     assert linted(wrong) == before - {min(before)}
 
 
+@pytest.mark.parametrize("name", ["K64", "wheel-size"])
+def test_a_parameter_of_a_rule_decides_what_it_finds(tmp_path: Path, name: str) -> None:
+    stage = tmp_path / "drive.usda"  # the radius of the handout is not that of its wheels
+    correct_stage("02").GetRootLayer().Export(str(stage))
+    assert "K64" in linted(stage)
+    set_up(tmp_path, f"[parameters.{name}]\ntolerance = 0.5")
+    assert "K64" not in linted(stage)
+
+
 # ---- what is wrong with it
 
 WRONG = {
@@ -242,6 +251,16 @@ WRONG = {
     "a key like no other": ("qqqq = 1", "known are rules, select"),
     "no TOML": ("select = [", "is not TOML"),
     "an unknown rule": ('ignore = ["W99"]', "ignore: there is no rule or family 'W99'"),
+    "a misspelt parameter": (
+        "[parameters.K64]\ntolerence = 0.1",
+        "parameters: K64 has no parameter 'tolerence'; did you mean 'tolerance'?",
+    ),
+    "a parameter of a rule without any": ("[parameters.W01]\na = 1", "W01 has no parameters; K64,"),
+    "a parameter of no rule": ("[parameters.K640]\na = 1", "'K640'; did you mean 'K64'"),
+    "a tolerance of nothing": (
+        "[parameters.K64]\ntolerance = 0",
+        "is 0, expected a number above 0",
+    ),
     "no list": ('ignore = "W01"', "ignore is 'W01', expected a list"),
     "a severity that there is not": ('[severity]\nW01 = "off"', "expected one of error, warning"),
     "no table": ("severity = 1", "severity is 1, expected a table"),

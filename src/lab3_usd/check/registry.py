@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar
 from msgspec import Struct
 
 from lab3_usd.data import program
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import UsageError, guess
 from lab3_usd.model.finding import Place, Problem, Severity, family_of
 
 if TYPE_CHECKING:
@@ -143,6 +143,18 @@ def frame_places(*frames: str) -> tuple[Place, ...]:
     return tuple((f"{TF}/frame/{frame}", None) for frame in frames)
 
 
+class Parameter(Struct, frozen=True):
+    """One number of a rule of lint that a configuration may set: above 0, and what it is."""
+
+    rule: str
+    name: str
+    default: float
+    about: str
+
+
+Parameters = tuple[tuple[tuple[str, str], float], ...]  # values by rule and name
+
+
 class Demand(Struct, frozen=True):
     """One requirement of the scene, as the rule that judges it states it.
 
@@ -173,7 +185,7 @@ class Rule(Struct, frozen=True):
     understood. `demands` yields what a checkpoint requires of the scene and the rule judges;
     several rules may judge the same demands. `counted` is what a report calls one of its notes and
     several, where it only counts them. `needs` is the part of a lab (`check.manual.PARTS`) without
-    which there is nothing to judge.
+    which there is nothing to judge. `parameters` are the numbers that a configuration may set.
     """
 
     id: str
@@ -186,6 +198,7 @@ class Rule(Struct, frozen=True):
     demands: Demands | None = None
     counted: tuple[str, str] = ("", "")
     needs: str = ""
+    parameters: tuple[Parameter, ...] = ()
 
     @property
     def manual(self) -> str:
@@ -239,6 +252,7 @@ def rule(  # noqa: PLR0913 - decorators name them
     demands: Demands | None = None,
     counted: tuple[str, str] = ("", ""),
     needs: str = "",
+    parameters: tuple[Parameter, ...] = (),
 ) -> Callable[[Check], Check]:
     """Register a generator of `Problem`s as the rule `rule_id`, which is never used again.
 
@@ -255,7 +269,7 @@ def rule(  # noqa: PLR0913 - decorators name them
                 f"{_free_id(rule_id)} is free"
             )
         _RULES[rule_id] = Rule(
-            rule_id, name, severity, scope, check, "", formerly, demands, counted, needs
+            rule_id, name, severity, scope, check, "", formerly, demands, counted, needs, parameters
         )
         if scope == "lint":
             _OF_LINT.add(check)
@@ -355,7 +369,9 @@ def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
         rule_id = rule_id or (upper if upper in all_rules() else rule_names().get(name.lower()))
         if rule_id is None:
             place = f"{where}: " if where else ""
-            hint = f"{program()} rules lists them"
+            names = [*all_rules(), *rule_names()]
+            written = name.lower() if name.islower() else upper
+            hint = guess(written, names, f"{program()} rules lists them")
             raise UsageError(f"{place}there is no rule or family '{upper}'; {hint}")
         ids.append(rule_id)
     return tuple(ids)

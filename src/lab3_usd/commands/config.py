@@ -19,6 +19,7 @@ _DEFAULTS = {
     "ignore": "no rules",
     "per-file-ignores": "none",
     "severity": "as in each rule",
+    "parameters": "as in each rule",
     "checkpoints": "from file names",
     "starter": "none",
     "maps": "none",
@@ -51,6 +52,8 @@ def command(path: Path, configuration: ConfigOptions) -> None:
     for key, default in _DEFAULTS.items():
         text, source = default, "(default)"
         value = getattr(config, key.replace("-", "_"))
+        if key == "parameters":
+            value = tuple((".".join(name), f"{number:g}") for name, number in config.parameters)
         if key == "lab" and os.environ.get(LAB_VARIABLE):
             text, source = os.environ[LAB_VARIABLE], "(--lab or LAB3_LAB)"
         elif value:

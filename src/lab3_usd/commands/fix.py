@@ -145,6 +145,7 @@ def _fix(stage: Path, repair: RepairOptions, writing: WritingOptions, config: Co
         starter=repair.starter,
         wanted=lambda findings: selected(findings, str(stage), config),
         heeds_ignores=True,
+        parameters=config.parameters,
     )
     if is_script_file(stage):
         from lab3_usd.fix.scripts import fix_script

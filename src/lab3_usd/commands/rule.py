@@ -116,6 +116,10 @@ def manual_lines(rule: Rule, handout: str) -> Iterator[str]:
         if text := rule.section(title):
             yield ""
             yield from folded(f"{title}: {text}", columns, rest="  ")
+    for number in rule.parameters:
+        yield ""
+        text = f"Parameter: {number.name} = {number.default:g}, {number.about}"
+        yield from folded(text, columns, rest="  ")
     if handout:
         yield ""
         yield f"Handout: {handout}"

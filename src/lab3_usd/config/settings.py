@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from pathlib import Path
@@ -10,9 +11,9 @@ from typing import Any, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.registry import check_rule_names
+from lab3_usd.check.registry import Parameters, all_rules, check_rule_names
 from lab3_usd.config.lookup import find_file, located_in_config, read_table
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import UsageError, guess
 from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_among
 
 
@@ -22,7 +23,7 @@ class Config(Struct, frozen=True):
     `file` holds it. `per_file_ignores` and `checkpoints` are by patterns of file names, or of
     paths below the folder of `file`, as those of `exclude` and `extend_exclude` are; `severity` is
     by rules and families, `assets` by addresses. `rules` are sources of rules of one's own: whole
-    paths of files, and names of entry points.
+    paths of files, and names of entry points. `parameters` are those of rules.
     """
 
     file: Path | None = None
@@ -31,6 +32,7 @@ class Config(Struct, frozen=True):
     ignore: tuple[str, ...] = ()
     per_file_ignores: tuple[tuple[str, tuple[str, ...]], ...] = ()
     severity: tuple[tuple[str, Severity], ...] = ()
+    parameters: Parameters = ()
     checkpoints: tuple[tuple[str, str], ...] = ()
     starter: Path | None = None
     maps: Path | None = None
@@ -104,11 +106,7 @@ def load_config(file: Path) -> Config:
 def _config_of(file: Path, given: Mapping[str, Any]) -> Config:
     for key in given:
         if key not in _KEYS:
-            from difflib import get_close_matches
-
-            close = " or ".join(f"'{match}'" for match in get_close_matches(key, _KEYS))
-            hint = f"did you mean {close}?" if close else f"known are {', '.join(_KEYS)}"
-            raise UsageError(f"{file}: there is no key '{key}'; {hint}")
+            raise UsageError(f"{file}: there is no key '{key}'; {guess(key, _KEYS)}")
     # Other keys may name its rules.
     ordered = sorted(given.items(), key=lambda item: item[0] != "rules")
     values = {
@@ -165,6 +163,28 @@ def _severities(value: Any, where: str, _folder: Path) -> tuple[tuple[str, Sever
     return tuple(zip(check_rule_names(value, where), value.values(), strict=True))
 
 
+def _parameters(value: Any, where: str, _folder: Path) -> Parameters:
+    given: dict[tuple[str, str], float] = {}
+    for written, numbers in _table(value, where).items():
+        (name,) = check_rule_names([written], where)
+        known = all_rules()[name].parameters if name in all_rules() else ()
+        if not known:
+            others = ", ".join(rule.id for rule in all_rules().values() if rule.parameters)
+            raise UsageError(f"{where}: {written} has no parameters; {others} have some")
+        names = [parameter.name for parameter in known]
+        for parameter, number in _table(numbers, f"{where}: {written}").items():
+            if parameter not in names:
+                hint = guess(parameter, names)
+                raise UsageError(f"{where}: {written} has no parameter '{parameter}'; {hint}")
+            is_number = isinstance(number, (int, float)) and not isinstance(number, bool)
+            if not is_number or not 0 < number < math.inf:
+                raise UsageError(
+                    f"{where}: {written}.{parameter} is {number!r}, expected a number above 0"
+                )
+            given[name, parameter] = float(number)
+    return tuple(given.items())
+
+
 def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str], ...]:
     for name, item in _table(value, where).items():
         if not isinstance(item, str):
@@ -189,6 +209,7 @@ _KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
     "ignore": _rules,
     "per-file-ignores": _ignores,
     "severity": _severities,
+    "parameters": _parameters,
     "checkpoints": _checkpoints,
     "starter": _path,
     "maps": _path,

@@ -13,6 +13,7 @@ from msgspec.structs import replace
 from lab3_usd import hooks
 from lab3_usd.check.checker import judge
 from lab3_usd.check.lint import lint
+from lab3_usd.check.registry import Parameters
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, unwritten
@@ -64,7 +65,8 @@ class Chosen(Struct, frozen=True):
 class FixOptions(Struct, frozen=True):
     """Which repairs are made, and where: `wanted` keeps the findings that are to be repaired.
 
-    With `heeds_ignores`, what notes in the stage ignore is left as it is.
+    With `heeds_ignores`, what notes in the stage ignore is left as it is. `parameters` are those of
+    rules of lint.
     """
 
     unsafe: bool = False
@@ -72,6 +74,7 @@ class FixOptions(Struct, frozen=True):
     starter: str | None = None
     wanted: Callable[[Iterable[Finding]], tuple[Finding, ...]] = tuple
     heeds_ignores: bool = False
+    parameters: Parameters = ()
 
 
 class Fixed(Struct, frozen=True):
@@ -156,7 +159,7 @@ def fix_linted(path: Path, release: str, options: FixOptions, moved_from: str = 
         origin = platform.release if found is None else found.release
 
     def lint_stage(file: Path, stage: Any) -> Iterable[Finding]:
-        subject = lint_subject(read_model(stage, platform, str(file)), origin)
+        subject = lint_subject(read_model(stage, platform, str(file)), origin, options.parameters)
         return _findings_of(file, lint(subject))
 
     return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)

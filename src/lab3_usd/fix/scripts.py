@@ -34,11 +34,12 @@ def fix_script(path: Path, release: str, options: FixOptions) -> Fixed:
     if path.suffix == _NOTEBOOK:
         raise StageError(f"{path}: is a notebook, which is not repaired; correct it in its editor")
     platform = lint_platform(release)
+    settings = ScriptSettings(platform, heeds_ignores=True, parameters=options.parameters)
     state = read_state(path)
     encoding, _ = tokenize.detect_encoding(BytesIO(state.content).readline)
     if encoding not in _UNICODE:
         raise StageError(f"{path}: is no UTF-8 text, and is not repaired")
-    before = _lint(path, platform)
+    before = _lint(path, settings)
     lines = lines_of(state.content.decode(encoding))
     left_out = {}
     wanted = [finding for finding in options.wanted(before) if finding.fix is not None]
@@ -51,12 +52,12 @@ def fix_script(path: Path, release: str, options: FixOptions) -> Fixed:
     return Fixed(
         root=path,
         before=before,
-        after=_lint_data(data, path, platform),
+        after=_lint_data(data, path, settings),
         repairs=repairs,
         files={path: data} if data != state.content else {},
         states={path: state},
         left_out=left_out,
-        judge_again=lambda file: _lint(file, platform),
+        judge_again=lambda file: _lint(file, settings),
     )
 
 
@@ -77,15 +78,15 @@ def script_changes(finding: Finding, path: Path, release: str) -> tuple[TextChan
     )
 
 
-def _lint(path: Path, platform: Platform) -> tuple[Finding, ...]:
-    return lint_script(path, ScriptSettings(platform, heeds_ignores=True)).findings
+def _lint(path: Path, settings: ScriptSettings) -> tuple[Finding, ...]:
+    return lint_script(path, settings).findings
 
 
-def _lint_data(data: bytes, path: Path, platform: Platform) -> tuple[Finding, ...]:
+def _lint_data(data: bytes, path: Path, settings: ScriptSettings) -> tuple[Finding, ...]:
     with tempfile.TemporaryDirectory() as folder:
         file = Path(folder, path.name)
         file.write_bytes(data)
-        return _lint(file, platform)
+        return _lint(file, settings)
 
 
 def _names(finding: Finding, platform: Platform, lines: Iterable[str]) -> Iterator[tuple[str, str]]:

@@ -9,6 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.registry import Parameters
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import is_script_file
@@ -68,19 +69,22 @@ def scene_at(path: str, platform: Platform) -> StageModel | None:
     return read_stage(Path(path), platform)
 
 
-def lint_subject(model: StageModel, moved_from: str = "") -> LintSubject:
+def lint_subject(
+    model: StageModel, moved_from: str = "", parameters: Parameters = ()
+) -> LintSubject:
     """Return a stage as it is judged, beside the release that it comes from.
 
     Raises:
         UsageError: the release is not known.
     """
     if moved_from != AUTO:
-        return LintSubject(model, lint_platform(moved_from) if moved_from else None)
+        known = lint_platform(moved_from) if moved_from else None
+        return LintSubject(model, known, parameters=parameters)
     from lab3_usd.facts.saved_releases import saved_by
 
     saved = saved_by(model)
     known = model.platform if saved is None else lint_platform(saved.release)
-    return LintSubject(model, known, is_guessed=True)
+    return LintSubject(model, known, is_guessed=True, parameters=parameters)
 
 
 class RosStage(Struct, frozen=True):

@@ -15,7 +15,7 @@ from typing import TYPE_CHECKING
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.registry import rule_names
+from lab3_usd.check.registry import Parameters, rule_names
 from lab3_usd.check.rule_runs import RuleResults, merge_results
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
@@ -43,11 +43,15 @@ _NOTE = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\n]*)\]|[ \t]+([\w ,-]+
 
 
 class ScriptSettings(Struct, frozen=True):
-    """How to judge a script: by which release, over which scene, and whether its notes count."""
+    """How to judge a script: by which release, over which scene, and whether its notes count.
+
+    `parameters` are those of rules that a configuration sets.
+    """
 
     platform: Platform
     scene: StageModel | None = None
     heeds_ignores: bool = False
+    parameters: Parameters = ()
 
 
 def lint_script(path: str | Path, settings: ScriptSettings) -> StageResult:
@@ -100,7 +104,8 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
     from lab3_usd.check.lint import lint
     from lab3_usd.check.match.rule_inputs import LintSubject
 
-    judged = [lint(LintSubject(stage.model)) for stage in script.stages]
+    subjects = [LintSubject(each.model, parameters=settings.parameters) for each in script.stages]
+    judged = [lint(subject) for subject in subjects]
     placed = [
         [_Placed(finding, _span(finding, stage)) for finding in each.findings]
         for stage, each in zip(script.stages, judged, strict=True)

@@ -115,7 +115,8 @@ def judge_stage(
         from lab3_usd.pipeline.script_results import ScriptSettings, lint_script
 
         scene = scene_at(settings.scene, platform)
-        over_scene = ScriptSettings(platform, scene, heeds_ignores=settings.heeds_ignores)
+        parameters = settings.config.parameters
+        over_scene = ScriptSettings(platform, scene, settings.heeds_ignores, parameters)
         return lint_script(path, over_scene)
     from lab3_usd.stage.read.opening import kept_open, open_stage, quiet, reading_cache
 
@@ -130,7 +131,8 @@ def judge_stage(
                 if at is None:
                     from lab3_usd.check.lint import lint
 
-                    judged = lint(lint_subject(model, settings.moved_from))
+                    parameters = settings.config.parameters
+                    judged = lint(lint_subject(model, settings.moved_from, parameters))
                 else:
                     from lab3_usd.check.checker import judge
 

@@ -30,6 +30,7 @@ from lab3_usd.model.finding import Finding, Place, Problem, Requirement
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 
 if TYPE_CHECKING:
+    from lab3_usd.check.registry import Parameter, Parameters
     from lab3_usd.spec.graph import GraphSpec, NodeSpec, Wire
     from lab3_usd.spec.lab import Checkpoint, Lab
     from lab3_usd.spec.scene import RobotSpec
@@ -265,12 +266,18 @@ class JudgedStage(Struct, frozen=True, eq=False):
 class LintSubject(Struct, frozen=True, eq=False):
     """A stage without a spec, and the release that it comes from, where that counts.
 
-    That is `is_guessed` where nobody named it.
+    That is `is_guessed` where nobody named it. `parameters` are the numbers of rules that a
+    configuration sets.
     """
 
     stage: StageModel
     moved_from: Platform | None = None
     is_guessed: bool = False
+    parameters: Parameters = ()
+
+    def value(self, parameter: Parameter) -> float:
+        """Return the value of a parameter: the configured one, else its default."""
+        return dict(self.parameters).get((parameter.rule, parameter.name), parameter.default)
 
     @property
     def platform(self) -> Platform:

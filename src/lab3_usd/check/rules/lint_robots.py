@@ -8,7 +8,7 @@ from collections import Counter
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import Parameter, rule
 from lab3_usd.facts.articulations import (
     Command,
     commands,
@@ -133,10 +133,17 @@ def _why_no_body(odometry: Followed) -> str:
 _BODIES = ("physics:body0", "physics:body1")
 
 _SPEED = "linear speed"
-_CLOSE = 0.05  # of the geometry, which a builder rounds
+_TOLERANCE = Parameter("K64", "tolerance", 0.05, "by what share sizes may differ")  # builders round
 
 
-@rule("K64", "wheel-size", scope="lint", severity="warning", formerly="wheels-of-another-size")
+@rule(
+    "K64",
+    "wheel-size",
+    scope="lint",
+    severity="warning",
+    formerly="wheels-of-another-size",
+    parameters=(_TOLERANCE,),
+)
 def wheel_size(subject: LintSubject) -> Iterator[Problem]:
     """Wheel radius, distance or wheel base differ from the robot's, or between wheels.
 
@@ -149,9 +156,10 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
     told: set[tuple[str, str]] = set()  # a controller may drive several pairs
+    tolerance = subject.value(_TOLERANCE)
     for _, controller, pair in driven_pairs(subject.stage):
         one, other = (wheel_radius(joint, subject.stage) or 0.0 for joint in pair)
-        if one and other and not math.isclose(one, other, rel_tol=_CLOSE):
+        if one and other and not math.isclose(one, other, rel_tol=tolerance):
             yield Problem(
                 controller.path,
                 f"the wheels that it drives have {one:.4g} and {other:.4g} m",
@@ -181,6 +189,7 @@ def _unlike_sizes(
     if known is None:
         return
     speed = next((INPUT + name for name, taken in known.takes.items() if _SPEED in taken), "")
+    tolerance = subject.value(_TOLERANCE)
     unit = unit_of(controller, speed, subject.stage)
     units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
     unit_text = "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
@@ -189,7 +198,7 @@ def _unlike_sizes(
         place = (controller.path, port)
         if value <= 0 or not measured or place in told:
             continue
-        if not any(math.isclose(value * size, measured, rel_tol=_CLOSE) for size in units):
+        if not any(math.isclose(value * size, measured, rel_tol=tolerance) for size in units):
             told.add(place)
             yield Problem(
                 controller.path,

@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import Parameter, rule
 from lab3_usd.facts.execution_order import is_switched_on, nodes_of
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.render_products import has_two_sizes, stereo_products
@@ -26,9 +26,11 @@ from lab3_usd.model.transforms import (
 )
 
 _NEAR, _ALIKE = 0.001, 0.5  # metres and degrees between places that are one
-_APART = 0.02  # metres from which on points are elsewhere
-_TURNED = 5.0  # degrees from which on points are elsewhere
-_BASELINE = 0.5  # metres between the two cameras of a stereo pair, at most
+_BASELINE = Parameter(
+    "K77", "baseline", 0.5, "metres between the cameras of a stereo pair, at most"
+)
+_APART = Parameter("K87", "distance", 0.02, "metres that points may be shifted")
+_TURNED = Parameter("K87", "angle", 5.0, "degrees that points may be turned")
 _POINTS = ("sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/LaserScan")
 _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _INFO, _INFO_NAME = "sensor_msgs/msg/CameraInfo", "camera_info"
@@ -71,7 +73,13 @@ def _axes(prim: Prim, subject: LintSubject) -> tuple[Vector, tuple[Vector, Vecto
     return pose.translation, (x, scaled(y, -1.0), scaled(z, -1.0)) if is_turned else (x, y, z)
 
 
-@rule("K77", "frame-of-another-sensor", scope="lint", severity="warning")
+@rule(
+    "K77",
+    "frame-of-another-sensor",
+    scope="lint",
+    severity="warning",
+    parameters=(_BASELINE,),
+)
 def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     """A message names the frame of another sensor.
 
@@ -114,18 +122,25 @@ def _is_another(prim: Prim, topic: SensorTopic, subject: LintSubject) -> bool:
     if is_alike and unit * distance(start, end) <= _NEAR:
         return False
     is_pair = topic.reads.turned and prim.type == topic.sensor.type
-    is_pair = is_pair and is_alike and _is_right_of(start, axes[0], end, unit)
+    baseline = subject.value(_BASELINE)
+    is_pair = is_pair and is_alike and _is_right_of(start, axes[0], end, unit, baseline)
     return not (is_pair or prim.path in topic.others)
 
 
-def _is_right_of(left: Vector, ahead: Vector, right: Vector, unit: float) -> bool:
+def _is_right_of(left: Vector, ahead: Vector, right: Vector, unit: float, baseline: float) -> bool:
     """Whether a camera stands to the right of one that looks the same way, as in a stereo pair."""
     between = scaled(minus(right, left), unit)
     along = sum(a * b for a, b in zip(between, ahead, strict=True))
-    return 0 < along <= _BASELINE and length(between) - along <= _NEAR
+    return 0 < along <= baseline and length(between) - along <= _NEAR
 
 
-@rule("K87", "frame-off-sensor", scope="lint", severity="warning")
+@rule(
+    "K87",
+    "frame-off-sensor",
+    scope="lint",
+    severity="warning",
+    parameters=(_APART, _TURNED),
+)
 def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
     """A sensor's frame does not move with it, stands elsewhere, or is turned against it.
 
@@ -186,7 +201,7 @@ def _turned(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
     if topic.endpoint.type not in _POINTS or data is None or len(places) < max(1, len(named)):
         return ""
     turn = min(rotation_difference(axes, data[1]) for _, axes in places)
-    if turn <= _TURNED:
+    if turn <= subject.value(_TURNED):
         return ""
     return f"which is turned by {turn:.0f} degrees against the points of {topic.sensor.path}"
 
@@ -198,7 +213,11 @@ def _apart(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
     if topic.endpoint.type not in _POINTS or data is None or len(places) < max(1, len(named)):
         return ""
     away = subject.stage.meters_per_unit * min(distance(start, data[0]) for start, _ in places)
-    return f"which stands {away:.2g} m from {topic.sensor.path}" if away > _APART else ""
+    return (
+        f"which stands {away:.2g} m from {topic.sensor.path}"
+        if away > subject.value(_APART)
+        else ""
+    )
 
 
 @rule("K78", "image-info-mismatch", scope="lint", severity="warning")

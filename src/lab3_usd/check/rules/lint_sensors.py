@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.registry import rule
+from lab3_usd.check.registry import Parameter, rule
 from lab3_usd.facts.articulations import articulations
 from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.reaching_values import effective_value
@@ -26,7 +26,7 @@ from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.transforms import AXES, angle_between, decompose, rotate_vector
 
 _FLAT = "laser_scan"
-_STEEP = 45.0  # degrees
+_STEEP = Parameter("K76", "angle", 45.0, "degrees that the Z axis may point away from up")
 
 
 @rule("K15", "unreadable-target", scope="lint")
@@ -312,7 +312,7 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K76", "lidar-on-its-side", scope="lint", severity="warning")
+@rule("K76", "lidar-on-its-side", scope="lint", severity="warning", parameters=(_STEEP,))
 def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
     """The scan plane of a lidar is not level.
 
@@ -330,7 +330,7 @@ def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
         if prim is None or prim.world is None or not (needed.needs and is_flat):
             continue
         tilt = angle_between(rotate_vector(AXES[2], decompose(prim.world).rotation), up)
-        if tilt > _STEEP:
+        if tilt > subject.value(_STEEP):
             yield Problem(
                 path,
                 f"its Z axis points {tilt:.0f} degrees away from up, and {node.path} publishes a "
