@@ -14,7 +14,6 @@ from lab3_usd.commands.shared.configuration import own_rules_option, use_own_rul
 from lab3_usd.commands.shared.options import complete_rules, width
 from lab3_usd.data import program
 from lab3_usd.report.safe_text import folded
-from lab3_usd.report.text import NARROWEST
 from lab3_usd.spec.load.loader import load_lab
 
 WIDTH = 100  # at most
@@ -105,7 +104,7 @@ def manual_lines(rule: Rule, handout: str) -> Iterator[str]:
 
     `handout` is the section of the handout behind the rule, where the lab names one.
     """
-    columns = max(min(width(), WIDTH), NARROWEST)
+    columns = min(width(), WIDTH)
     yield f"{rule.id} {rule.name} ({rule.severity}, {families()[rule.family]})"
     for twin in twins(rule):
         where = "without a lab" if twin.scope == "lint" else "in a lab"

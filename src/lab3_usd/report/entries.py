@@ -22,6 +22,12 @@ from lab3_usd.model.finding import (
 )
 from lab3_usd.report.safe_text import visible
 
+CHECKLIST_STATES = {
+    "met": "met",
+    "not met": "not met",
+    "not shown": "not shown",
+    "person": "for a person to judge",
+}
 _NAMED = 3  # assets or types in the line that counts nodes
 
 

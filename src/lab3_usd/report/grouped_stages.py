@@ -5,13 +5,15 @@ from __future__ import annotations
 import os
 from bisect import bisect_left
 from collections import Counter
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import groupby
 from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.data import program
 from lab3_usd.model.finding import (
     SEVERITIES,
     Finding,
@@ -132,26 +134,22 @@ class Block(Struct, frozen=True):
         ranked: tuple[Verdict, ...] = ("unreadable", "not judged")
         return next((verdict for verdict in ranked if verdict in verdicts), "pass")
 
-    def span(self, indexes: Sequence[int]) -> str:
-        """Name some of the stages in short: `02-05, 08`, with a dash for all in between."""
-        runs: list[list[Stage]] = []
-        for stage in self.stages:
-            if stage.index not in indexes:
-                continue
-            if runs and runs[-1][-1].index == stage.index - 1:
-                runs[-1].append(stage)
-            else:
-                runs.append([stage])
-        return ", ".join(_run_text(run) for run in runs)
+    def span(self, indexes: Collection[int]) -> str:
+        """Name some of the stages in short: `02 to 05, 08`; all of them where some are files."""
+        if not self.is_one_student:
+            return ", ".join(stage.label for stage in self.stages if stage.index in indexes)
+        places = (place for place, stage in enumerate(self.stages) if stage.index in indexes)
+        return _spans(places, [stage.label for stage in self.stages])
 
 
-def _run_text(stages: Sequence[Stage]) -> str:
-    first, last = stages[0].label, stages[-1].label
-    numbered = all(stage.label == stage.result.checkpoint for stage in stages)
+def _spans(places: Iterable[int], labels: Sequence[str]) -> str:
+    """Name some of the labels: `03`, `03, 04`, `02 to 05, 08`."""
+    spans: list[str] = []
     few = 2
-    if not numbered or len(stages) <= few:
-        return ", ".join(stage.label for stage in stages)
-    return f"{first}\N{EN DASH}{last}"
+    for _, run in groupby(enumerate(places), key=lambda pair: pair[1] - pair[0]):
+        names = [labels[place] for _, place in run]
+        spans += names if len(names) <= few else [f"{names[0]} to {names[-1]}"]
+    return ", ".join(spans)
 
 
 def blocks(report: Report, lab: Lab | None, *, graded: bool = False) -> list[Block]:
@@ -304,3 +302,37 @@ def _spots(finding: Finding, block: Block) -> Iterator[Spot]:
     numbers = (str(number) for number in (line, column) if number is not None)
     text = ":".join([short_path(finding.layer, block.path), *numbers])
     yield Spot(text, finding.layer, line, column)
+
+
+def to_come_text(to_come: Collection[str], checkpoints: Sequence[str]) -> str:
+    """Say which checkpoints have no stage: `01: no stage; 03 to 08: not begun`."""
+    places = [place for place, number in enumerate(checkpoints) if number in to_come]
+    begun = max((p for p in range(len(checkpoints)) if p not in places), default=-1)
+    skipped = _spans([place for place in places if place < begun], checkpoints)
+    ahead = _spans([place for place in places if place > begun], checkpoints)
+    texts = (skipped and f"{skipped}: no stage", ahead and f"{ahead}: not begun")
+    return "; ".join(filter(None, texts))
+
+
+def next_step(
+    submission: Submission, verdict: Verdict, lab: Lab, lab_words: tuple[str, ...] = ()
+) -> str:
+    """Say what comes next in a folder that is worked on: a part of the handout, or handing in.
+
+    `lab_words` are those with which the command line named the lab.
+    """
+    numbers = list(lab.checkpoints)
+    begun = [number for number in numbers if number not in submission.to_come]
+    following = numbers[numbers.index(begun[-1]) + 1 :] if begun else numbers
+    first = "repair the errors; then " if verdict in {"fail", "unreadable"} else ""
+    if not following:
+        from lab3_usd.installation import command_line
+
+        command = command_line(program(), *lab_words, "check", submission.path, "--submission")
+        return f"{first}{command} says what else is handed in"
+    checkpoint = lab.checkpoints[following[0]]
+    added = ", ".join((*checkpoint.new_sensors, *checkpoint.new))
+    adds = f" adds {added}" if added else " changes no graph"
+    text = f"{first}Part {checkpoint.part} of the handout ({checkpoint.title}){adds}"
+    ending = lab.submission.stages.endings[0]
+    return f"{text}; save the stage as {checkpoint.file}{ending}"

@@ -375,18 +375,19 @@ def understands_ansi(stream: TextIO) -> bool:
 def width() -> int:
     """Return the columns that the environment names, else those of the terminal, else 100.
 
-    shutil tells them as well, and takes longer to import than a report to write.
+    They are 40 at least. shutil tells them as well, and takes longer to import than a report to
+    write.
     """
     named = os.environ.get("COLUMNS", "")
     if named.isdecimal() and int(named):
-        return int(named)
+        return max(int(named), _NARROWEST)
     try:
-        return os.get_terminal_size(sys.stdout.fileno()).columns or _COLUMNS
+        return max(os.get_terminal_size(sys.stdout.fileno()).columns or _COLUMNS, _NARROWEST)
     except (OSError, ValueError):  # it is none, is closed, or stands for a file
         return _COLUMNS
 
 
-_COLUMNS = 100
+_COLUMNS, _NARROWEST = 100, 40
 
 
 def terminal_width() -> int:
@@ -407,7 +408,7 @@ def echo_folded(line: str) -> None:
     """Print a line, folded in a terminal: what goes on is indented below its start."""
     from lab3_usd.report.safe_text import folded
 
-    columns, indent = max(terminal_width(), 40), line[: len(line) - len(line.lstrip())]
+    columns, indent = terminal_width(), line[: len(line) - len(line.lstrip())]
     lines = folded(line.lstrip(), columns, indent, f"{indent}    ")
     click.echo("\n".join(lines))
 

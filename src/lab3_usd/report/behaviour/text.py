@@ -144,9 +144,9 @@ def render(
         lines += [f"  {printable(unknown.reason)}" for unknown in behaviour.not_simulated]
         return "\n".join(lines) + "\n"
     if behaviour.is_early:
-        lines += folded(printable(behaviour.missing), max(width, 40))
+        lines += folded(printable(behaviour.missing), width)
         return "\n".join(lines) + "\n"
-    lines += ["", *_topics(behaviour, max(width, 40)), ""]
+    lines += ["", *_topics(behaviour, width), ""]
     passed, rule_of = passed_texts(behaviour), rules_named(behaviour, findings)
     for check in behaviour.checks:
         of_run = not behaviour.recording
@@ -164,12 +164,12 @@ def render(
         remarks = (*remarks, printable(heard))
     lines.append("")
     for remark in remarks:
-        lines += folded(remark, max(width, 40), rest="  ")
+        lines += folded(remark, width, rest="  ")
     lines.append(sum_text(behaviour))
     if behaviour.missing:
-        lines += folded(f"not judged: {printable(behaviour.missing)}", max(width, 40))
+        lines += folded(f"not judged: {printable(behaviour.missing)}", width)
     unplayed = errors_unplayed(behaviour, findings)
-    lines += folded(unplayed, max(width, 40), rest="  ") if unplayed else []
+    lines += folded(unplayed, width, rest="  ") if unplayed else []
     return "\n".join(lines) + "\n"
 
 

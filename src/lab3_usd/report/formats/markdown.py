@@ -16,9 +16,9 @@ from lab3_usd.report.entries import (
     summarize,
     summary_line,
 )
+from lab3_usd.report.grouped_stages import to_come_text
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
-from lab3_usd.report.text import to_come_text
 from lab3_usd.spec.load.loader import load_lab
 
 HEADING = ("Severity", "Rule", "Where", "What is wrong", "Hint", "Handout")

@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Collection, Iterable, Iterator, Sequence
+from itertools import groupby
 from pathlib import Path
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.data import program
-from lab3_usd.model.finding import Crash, Report, StageResult, Submission
+from lab3_usd.model.finding import ChecklistItem, Crash, Finding, Report, StageResult, Submission
 from lab3_usd.report.entries import (
+    CHECKLIST_STATES,
     coverage_line,
     entries,
     hidden_text,
@@ -18,27 +22,62 @@ from lab3_usd.report.entries import (
     plural,
     score_text,
     severity_counts,
+    site,
     statistics_table,
     summarize,
     summary_line,
 )
-from lab3_usd.report.grouped_stages import Block, blocks
-from lab3_usd.report.options import Options, Rules
-from lab3_usd.report.safe_text import paint, read_excerpts, visible
-from lab3_usd.report.text import (
-    INDENT,
-    REPAIRABLE,
-    Page,
-    checklist_lines,
-    counted_notes,
-    fault_lines,
-    finding_blocks,
-    labelled,
+from lab3_usd.report.grouped_stages import (
+    Block,
+    ReportedFault,
+    Stages,
+    blocks,
+    faults,
     next_step,
     to_come_text,
-    wrapped,
+)
+from lab3_usd.report.options import Options, Rules
+from lab3_usd.report.safe_text import (
+    Excerpt,
+    excerpt_lines,
+    folded,
+    paint,
+    read_excerpts,
+    visible,
 )
 from lab3_usd.spec.load.loader import load_lab
+
+LABEL = 10
+INDENT = "  "
+REPAIRABLE = "[*]"
+FEW = 3  # of one section, that are listed even where they are not refuted
+MOST = 3  # errors to repair first
+_NUMBERED = "   "
+_NAMED = 3  # files in a command; else their folder
+
+
+class Page(Struct, frozen=True):
+    """What stays the same through one report."""
+
+    options: Options
+    rules: Rules
+    excerpts: dict[tuple[str, int], Excerpt]
+    shows_source: bool = True
+
+    @property
+    def width(self) -> int:
+        """The columns to fill."""
+        return self.options.width
+
+    @property
+    def color(self) -> bool:
+        """Whether to colour."""
+        return self.options.color
+
+    @property
+    def verbose(self) -> bool:
+        """Whether everything is reported in full."""
+        return self.options.verbosity == "verbose"
 
 
 def render(report: Report, rules: Rules | None, options: Options) -> str:
@@ -93,9 +132,6 @@ def _repair_lines(report: Report, options: Options) -> Iterator[str]:
     yield visible(f"{mark}{findings} can be repaired: {words}{more}")
 
 
-_NAMED = 3  # files in a command; else their folder
-
-
 def _blocks(report: Report) -> Iterator[Block]:
     """Yield the blocks of a report, stages that belong together in the order of the lab."""
     if is_lint(report):
@@ -128,7 +164,7 @@ def _sections(block: Block, page: Page) -> Iterator[list[str]]:
         lines = [*_submission_heading(block.submission, page)]
         if not quiet:
             findings = ((finding, "") for finding in block.submission.findings)
-            lines += finding_blocks(findings, page)
+            lines += _finding_blocks(findings, page)
             lines += _outlook(block, page)
         yield lines
 
@@ -138,8 +174,8 @@ def _finding_lines(result: StageResult, page: Page) -> Iterator[str]:
     is_counted = result.checkpoint is None and not page.verbose
     notes = [finding for finding in result.findings if is_counted and finding.severity == "note"]
     listed = (finding for finding in result.findings if finding not in notes)
-    yield from finding_blocks(((finding, "") for finding in listed), page)
-    yield from counted_notes(notes, page)
+    yield from _finding_blocks(((finding, "") for finding in listed), page)
+    yield from _counted_notes(notes, page)
 
 
 def _student_lines(block: Block, page: Page) -> list[str]:
@@ -155,7 +191,7 @@ def _student_lines(block: Block, page: Page) -> list[str]:
         lines += _submission_heading(block.submission, page)
     if page.options.verbosity == "quiet":
         return lines
-    lines += fault_lines(block, page)
+    lines += _fault_lines(block, page)
     lines += _not_judged_line([stage.result for stage in block.stages], page)
     if block.submission is not None:
         lines += _outlook(block, page)
@@ -168,7 +204,7 @@ def _submission_heading(submission: Submission, page: Page) -> Iterator[str]:
         yield to_come_text(submission.to_come, tuple(load_lab().checkpoints))
     if submission.handed_in or submission.findings or submission.hidden:
         what = "submission" if submission.handed_in else "folder"
-        yield f"{heading}: {what}{_counts(submission)}"
+        yield f"{heading}: {what}{_finding_counts(submission)}"
     yield from _crash_lines(submission.crashes, page)
 
 
@@ -178,10 +214,10 @@ def _outlook(block: Block, page: Page) -> Iterator[str]:
     if submission is None:
         return
     if submission.handed_in or page.verbose:
-        yield from checklist_lines(submission.checklist, page.options, page.width)
+        yield from _checklist_lines(submission.checklist, page.options, page.width)
     if not submission.handed_in:
         yield ""
-        yield from labelled(
+        yield from _labelled(
             "next", next_step(submission, block.verdict, load_lab(), page.options.lab), page
         )
 
@@ -193,10 +229,10 @@ def _stage_heading(result: StageResult, page: Page) -> str:
     heading = f"{path}: {checkpoint}{verdict}"
     if result.score.possible:
         heading = f"{heading}, {score_text(result.score)}"
-    return heading + _counts(result)
+    return heading + _finding_counts(result)
 
 
-def _counts(result: StageResult | Submission) -> str:
+def _finding_counts(result: StageResult | Submission) -> str:
     """Return how many findings there are, and how many more the baseline hides."""
     counts = severity_counts(result.findings)
     listed = "".join(f", {plural(count, severity)}" for severity, count in counts.items())
@@ -207,13 +243,13 @@ def _counts(result: StageResult | Submission) -> str:
 def _unknown_lines(result: StageResult, page: Page) -> Iterator[str]:
     """Yield what matters and could not be judged, and the nodes that were not."""
     for gap in result.gaps:
-        yield from wrapped(f"not judged: {gap}", INDENT, page.width)
+        yield from _wrapped(f"not judged: {gap}", INDENT, page.width)
     coverage = "" if result.coverage is None else coverage_line(result.coverage)
     if coverage:
-        yield from wrapped(coverage, INDENT, page.width)
+        yield from _wrapped(coverage, INDENT, page.width)
     built = None if result.coverage is None else result.coverage.built
     for value in built.unknown if built is not None and page.verbose else ():
-        yield from wrapped(f"line {value.line}: {value.why}", INDENT * 2, page.width)
+        yield from _wrapped(f"line {value.line}: {value.why}", INDENT * 2, page.width)
 
 
 def _not_judged_line(results: Sequence[StageResult], page: Page) -> Iterator[str]:
@@ -239,3 +275,191 @@ def _crash_lines(crashes: tuple[Crash, ...], page: Page) -> Iterator[str]:
     for crash in crashes:
         label = paint("crash", "error", color=page.color)
         yield f"{label} {visible(f'{crash.rule}: {crash.error}')}"
+
+
+def _finding_blocks(findings: Iterable[tuple[Finding, str]], page: Page) -> Iterator[str]:
+    """Yield the lines of findings, each with the stages that have it, or "".
+
+    Notes are lines without space between them unless the report is verbose.
+    """
+    explained: set[str] = set()  # the rules whose reason has been given
+    follows_note = False
+    for finding, stages in findings:
+        is_line = finding.severity == "note" and not page.verbose
+        if not (is_line and follows_note):
+            yield ""
+        follows_note = is_line
+        if is_line:
+            place = f" ({stages})" if stages else ""
+            yield from _heading(finding, page, f"{site(finding)}: {finding.message}{place}")
+            continue
+        yield from _heading(finding, page, site(finding))
+        handout = f"; handout {finding.handout}" if finding.handout else ""
+        place = f" ({stages}{handout})" if stages else ""
+        yield from _wrapped(f"{finding.message}{place}", INDENT, page.width)
+        yield from _frame(finding, page)
+        yield from _details(finding, page)
+        if finding.handout and not stages:
+            yield from _labelled("handout", finding.handout, page)
+        rule = page.rules.get(finding.rule)
+        if page.verbose and rule is not None and finding.rule not in explained:
+            explained.add(finding.rule)
+            reason = rule.section("Why")
+            if reason:
+                yield from _labelled("why", reason, page)
+
+
+def _counted_notes(findings: Sequence[Finding], page: Page) -> Iterator[str]:
+    """Yield the line that counts notes by their rules, the most frequent first; none for none."""
+    counts = Counter((finding.counted, finding.name) for finding in findings)
+    texts = [
+        f"{count} {counted[count > 1] or name}" for (counted, name), count in counts.most_common()
+    ]
+    if texts:
+        pronoun = "it" if len(findings) == 1 else "them"
+        yield ""
+        yield from _wrapped(f"{', '.join(texts)}; -v lists {pronoun}", "", page.width)
+
+
+def _heading(finding: Finding, page: Page, rest: str) -> Iterator[str]:
+    mark = f" {REPAIRABLE}" if is_repairable(finding) else ""
+    start = f"{finding.severity} {finding.rule}{mark} {finding.name}"
+    first, *more = _wrapped(f"{start} {rest}", "", page.width, hanging=INDENT)
+    yield first.replace(
+        finding.severity, paint(finding.severity, finding.severity, color=page.color), 1
+    )
+    yield from more
+
+
+def _frame(finding: Finding, page: Page) -> Iterator[str]:
+    if not page.shows_source or finding.layer is None or finding.line is None:
+        return
+    place = f"{finding.layer}:{finding.line}"
+    if finding.column is not None:
+        place = f"{place}:{finding.column}"
+    yield INDENT + paint(visible(place), "dim", color=page.color)
+    excerpt = page.excerpts.get((finding.layer, finding.line))
+    if excerpt is None:
+        return
+    room = page.width - len(INDENT)
+    for line in excerpt_lines(excerpt, finding.line, finding.column, room):
+        style = finding.severity if line.split() == ["|", "^"] else "dim"
+        yield INDENT + paint(line, "plain" if line.startswith(">") else style, color=page.color)
+
+
+def _details(finding: Finding, page: Page) -> Iterator[str]:
+    for label, value in (("expected", finding.expected), ("actual", finding.actual)):
+        if value is not None and _last_name(value) not in finding.message:
+            yield from _labelled(label, value, page)
+    text = f"{finding.message} {finding.expected}"
+    related = [prim for prim in finding.related if prim not in text]
+    if related:
+        yield from _labelled("see also", " ".join(related), page)
+    if finding.hint:
+        yield from _labelled("hint", " ".join(finding.hint.split()), page)
+
+
+def _last_name(value: str) -> str:
+    """Return the last name of the path of a prim or property, which tells it from its siblings."""
+    return value.rpartition("/")[2] if value.startswith("/") else value
+
+
+def _labelled(label: str, value: str, page: Page) -> Iterator[str]:
+    """Yield a text with its label in the column before it."""
+    hanging = INDENT + " " * LABEL
+    first, *more = _wrapped(value, hanging, page.width) or [hanging]
+    shown = paint(f"{label:<{LABEL}}", "dim", color=page.color)
+    yield (INDENT + shown + first[len(hanging) :]).rstrip()
+    yield from more
+
+
+def _wrapped(value: str, indent: str, width: int, hanging: str | None = None) -> list[str]:
+    """Return text in lines of at most `width` columns; `hanging` indents all but the first."""
+    return folded(visible(value), width, indent, indent if hanging is None else hanging)
+
+
+def _checklist_lines(
+    items: tuple[ChecklistItem, ...], options: Options, width: int
+) -> Iterator[str]:
+    """Yield a line that counts the items, and each by its section.
+
+    Those met only when verbose, and many of one section that are not refuted as a count.
+    """
+    if not items:
+        return
+    yield ""
+    yield f"checklist: {_state_counts(items)}"
+    verbose = options.verbosity == "verbose"
+    listed = [item for item in items if item.state != "met" or verbose]
+    for section, members in groupby(listed, key=lambda item: item.section):
+        yield f"  {visible(section)}"
+        section_items = list(members)
+        unrefuted = [item for item in section_items if item.state != "not met"]
+        is_short = len(unrefuted) > FEW and not verbose
+        for item in section_items:
+            if not is_short or item.state == "not met":
+                yield from _item_lines(item, width, color=options.color)
+        if is_short:
+            yield f"    {_state_counts(unrefuted)}; --verbose lists them"
+
+
+def _state_counts(items: Collection[ChecklistItem]) -> str:
+    counts = [(sum(item.state == state for item in items), state) for state in CHECKLIST_STATES]
+    return ", ".join(f"{count} {CHECKLIST_STATES[state]}" for count, state in counts if count)
+
+
+def _item_lines(item: ChecklistItem, width: int, *, color: bool) -> Iterator[str]:
+    because = f": {item.because}" if item.because else ""
+    indent = " " * 15
+    first, *more = _wrapped(f"{item.text}{because}", indent, width) or [indent]
+    state = paint(f"{item.state:<9}", item.state, color=color)
+    yield f"    {state}  {first[len(indent) :]}"
+    yield from more
+
+
+def _fault_lines(block: Block, page: Page) -> Iterator[str]:
+    """Yield what to repair first, and each fault once with the stages that have it."""
+    block_faults = faults(block)
+    yield from _repair_order(block_faults, block, page)
+    findings = ((fault.finding, _stages_text(fault.stages, block)) for fault in block_faults)
+    yield from _finding_blocks(findings, page)
+
+
+def _repair_order(block_faults: Sequence[ReportedFault], block: Block, page: Page) -> Iterator[str]:
+    """Yield the few errors whose repair wins most checkpoints, and then most points.
+
+    There are none if there are hardly more errors, or all are in the same stages.
+    """
+    errors = [fault for fault in block_faults if fault.finding.severity == "error" and fault.stages]
+    if len(errors) <= MOST or len({fault.stages for fault in errors}) == 1:
+        return
+
+    def gain(fault: ReportedFault) -> tuple[int, float]:
+        held = [stage.result.checkpoint for stage in block.stages if stage.index in fault.stages]
+        return len(held), sum(page.options.points.get(number or "", 0.0) for number in held)
+
+    yield ""
+    yield paint("Repair these first", "heading", color=page.color)
+    for number, fault in enumerate(sorted(errors, key=gain, reverse=True)[:MOST], 1):
+        heading = f"{number}. {fault.finding.rule} {site(fault.finding)}"
+        noun = "checkpoints" if len(fault.stages) > 1 else "checkpoint"
+        message = f"in {noun} {block.span(fault.stages)}: {fault.finding.message}"
+        yield from _wrapped(heading, INDENT, page.width, INDENT + _NUMBERED)
+        yield from _wrapped(message, INDENT + _NUMBERED, page.width)
+
+
+def _stages_text(stages: Stages, block: Block) -> str:
+    """Say which stages of a folder have a fault, and which no longer has it.
+
+    `since 01, also in 02 to 08`; `in 03`; `since 02, also in 03 to 07, repaired in 08`. Empty for
+    what is no stage's.
+    """
+    having = [stage for stage in block.stages if stage.index in stages]
+    if not having:
+        return ""
+    label, repeats = having[0].label, [stage.index for stage in having[1:]]
+    since = f"since {label}, also in {block.span(repeats)}" if repeats else f"in {label}"
+    later = block.stages[block.stages.index(having[-1]) + 1 :]
+    repaired = next((stage for stage in later if stage.result.verdict != "unreadable"), None)
+    last = f", repaired in {repaired.label}" if repaired is not None else ""
+    return since + last

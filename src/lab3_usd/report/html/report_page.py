@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.model.finding import SEVERITIES, ChecklistItem, Report
-from lab3_usd.report.entries import plural, summarize, summary_line
-from lab3_usd.report.grouped_stages import Block, blocks, faults
+from lab3_usd.report.entries import CHECKLIST_STATES, plural, summarize, summary_line
+from lab3_usd.report.grouped_stages import Block, blocks, faults, next_step, to_come_text
 from lab3_usd.report.html.model import (
     BlockView,
     ChecklistSection,
@@ -18,7 +18,6 @@ from lab3_usd.report.html.model import (
 from lab3_usd.report.html.pictures import gallery, topic_rows
 from lab3_usd.report.html.templates import fill_page
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
-from lab3_usd.report.text import STATES, next_step, to_come_text
 from lab3_usd.report.topic_table import COLUMNS
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -49,7 +48,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         summary=summary,
         rules={rule.id: (rule.name, tuple(_paragraphs(rule.manual))) for rule in quoted},
         severities=SEVERITIES,
-        states=STATES,
+        states=CHECKLIST_STATES,
         columns=COLUMNS,
         plural=plural,
         editor=options.editor,
