@@ -45,8 +45,9 @@ INTRODUCTION = """\
 
 <!-- Written by docs/make_rules.py from the docstrings of the rules: change those, not this. -->
 
-`lab3 rule W01` prints a manual: the fault, its effect on the robot, the repair, an example.
-`lab3 rule --all` prints all manuals, `lab3 rule wire` lists the rules about a word.
+`lab3 rule W01` prints a manual: the fault, its effect on the robot, the repair, an example, the
+parameters; each has a page of the site. `lab3 rule --all` prints all manuals,
+`lab3 rule wire` lists the rules about a word.
 `--select W,P01` reports only these rules or families; `--ignore P09` omits some.
 
 An **error** contradicts the handout or, in `lab3 lint`, does not work; rules are errors unless

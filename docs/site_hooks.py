@@ -1,4 +1,7 @@
-"""Hooks of MkDocs: bring README and its like into the site, and lead other links out of it."""
+"""Hooks of MkDocs: bring README and its like into the site, and lead other links out of it.
+
+Each rule has a page of its own, which is written from its manual.
+"""
 
 from __future__ import annotations
 
@@ -8,6 +11,8 @@ from pathlib import Path, PurePosixPath
 from typing import TYPE_CHECKING
 
 from mkdocs.structure.files import File
+
+from lab3_usd.server.manuals import rule_pages
 
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
@@ -24,6 +29,8 @@ OUTSIDE = {
     "benchmarks/README.md": "benchmarks/README.md",
     "schema/README.md": "schema/README.md",
 }
+RULES = "rules"
+_RULE = re.compile(r"\*\*([A-Z]+\d+)( [\w-]+)?\*\*")
 _LINK = re.compile(r"(\]\()([^)#\s]*)(#[^)\s]*)?(\))")
 _PREPARATION = re.compile(r"<!-- before:.*?-->\n*", re.DOTALL)
 _FENCE = re.compile(r"^(\s*```)(\w+) \S.*$", re.MULTILINE)
@@ -34,6 +41,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     for place, source in OUTSIDE.items():
         content = (ROOT / source).read_text(encoding="utf-8")
         files.append(File.generated(config, place, content=content))
+    for rule_id, content in rule_pages():
+        files.append(File.generated(config, f"{RULES}/{rule_id}.md", content=content))
     return files
 
 
@@ -55,5 +64,7 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         near = os.path.relpath(site, PurePosixPath(place).parent).replace(os.sep, "/")
         return f"{match[1]}{near}{anchor}{match[4]}"
 
+    if place == f"{RULES}.md":
+        markdown = _RULE.sub(rf"[**\1\2**]({RULES}/\1.md)", markdown)
     text = _PREPARATION.sub("", markdown)
     return _LINK.sub(link, _FENCE.sub(r"\1\2", text))

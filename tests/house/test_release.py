@@ -8,6 +8,7 @@ import quick_yaml
 from places import REPOSITORY
 
 from lab3_usd.commands.table import all_commands
+from lab3_usd.data import SITE
 
 WORKFLOW = REPOSITORY / ".github" / "workflows" / "release.yml"
 SKILL = REPOSITORY / "skills" / "lab3-usd" / "SKILL.md"
@@ -23,6 +24,11 @@ def version() -> str:
 
 def test_the_change_log_has_the_version_of_the_package() -> None:
     assert f"## [{version()}]" in (REPOSITORY / "CHANGELOG.md").read_text()
+
+
+def test_the_pages_of_rules_are_in_the_documentation_that_the_package_names() -> None:
+    assert f'Documentation = "{SITE}"' in (REPOSITORY / "pyproject.toml").read_text()
+    assert quick_yaml.load((REPOSITORY / "mkdocs.yml").read_text())["site_url"] == f"{SITE}/"
 
 
 def test_a_citation_names_the_version_of_the_package() -> None:

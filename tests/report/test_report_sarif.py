@@ -20,6 +20,7 @@ from report_examples import (
     hostile,
 )
 
+from lab3_usd.data import rule_address
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats import sarif
 from lab3_usd.report.formats.registry import render
@@ -65,6 +66,7 @@ def test_a_rule_brings_its_manual() -> None:
     rules = run_of(REPORT)["tool"]["driver"]["rules"]
     assert [rule["id"] for rule in rules] == ["F01", "F05", "N07", "W01", "X01"]
     assert rules[3]["help"]["text"] == RULES["W01"].manual
+    assert rules[3]["helpUri"] == rule_address("W01")
     assert rules[3]["defaultConfiguration"] == {"level": "error"}
 
 

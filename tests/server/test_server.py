@@ -16,6 +16,8 @@ pytest.importorskip("pygls", reason="the extra editor is not installed")
 from lsprotocol import types
 from pygls.lsp.client import LanguageClient
 
+from lab3_usd.data import rule_address
+
 CARTER = REPOSITORY / "docs" / "examples" / "carter.usda"
 _T = TypeVar("_T")
 
@@ -172,6 +174,8 @@ def test_text_that_is_no_stage_is_one_finding_at_its_line(carter: Path) -> None:
 
     (found,) = asked(carter, question)
     assert found.range.start.line == line_of(broken, "OmniGraphNode publish")
+    assert found.code_description is not None
+    assert found.code_description.href == rule_address(str(found.code))
 
 
 def test_a_hover_shows_the_manual_of_the_rule(carter: Path) -> None:

@@ -1,10 +1,12 @@
-"""The manual of a rule as Markdown, for an editor to show."""
+"""The manual of a rule as Markdown: for an editor to show, and for its page of the site."""
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import lru_cache
 
 from lab3_usd.check.manual import rules_in
+from lab3_usd.check.registry import Rule, families, twins
 from lab3_usd.spec.load.loader import load_lab
 
 
@@ -14,4 +16,28 @@ def manual_of(rule: str) -> str:
     known = rules_in(load_lab()).get(rule)
     if known is None:
         return ""
-    return f"**{known.id} {known.name}** ({known.severity})\n\n{known.manual}"
+    return "\n\n".join([f"**{known.id} {known.name}** ({known.severity})", *_paragraphs(known)])
+
+
+def rule_pages() -> Iterator[tuple[str, str]]:
+    """Yield the id of each rule and its page, with a heading."""
+    lab = load_lab()
+    for known in rules_in(lab).values():
+        parts = [f"# {known.id} {known.name}"]
+        parts += [f"`{known.severity}`, {families()[known.family]}"]
+        parts += [f"See also [{twin.id} {twin.name}]({twin.id}.md)." for twin in twins(known)]
+        if section := lab.handout.rules.get(known.id):
+            parts.append(f"Handout: {section}")
+        yield known.id, "\n\n".join([*parts, *_paragraphs(known)]) + "\n"
+
+
+def _paragraphs(rule: Rule) -> Iterator[str]:
+    """Yield the paragraphs of a manual, and its parameters."""
+    for paragraph in rule.manual.split("\n\n"):
+        title, colon, text = paragraph.partition(": ")
+        yield f"**{title}:** {text}" if colon and title.isalpha() else paragraph
+    for number in rule.parameters:
+        yield (
+            f"**Parameter:** `[parameters.{rule.id}] {number.name} = {number.default:g}`, "
+            f"{number.about}"
+        )

@@ -10,7 +10,8 @@ from pygls.lsp.server import LanguageServer
 from pygls.uris import to_fs_path
 from pygls.workspace import TextDocument
 
-from lab3_usd.data import as_called
+from lab3_usd.check.registry import own_rules
+from lab3_usd.data import as_called, rule_address
 from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.server.diagnosis import FIRST_LINE, Diagnosis, diagnose, is_judged, repairs_of
 from lab3_usd.server.manuals import manual_of
@@ -152,9 +153,15 @@ def _diagnostic(document: TextDocument, finding: Finding) -> types.Diagnostic:
         range=_range_of(document, finding),
         severity=_SEVERITIES[finding.severity],
         code=finding.rule,
+        code_description=_page_of(finding.rule),
         source=_SOURCE,
         message=_message(finding),
     )
+
+
+def _page_of(rule_id: str) -> types.CodeDescription | None:
+    """Return the page of a rule, which custom rules lack."""
+    return None if rule_id in own_rules() else types.CodeDescription(rule_address(rule_id))
 
 
 def _message(finding: Finding) -> str:

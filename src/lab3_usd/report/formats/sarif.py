@@ -8,6 +8,7 @@ from typing import Any
 from urllib.parse import quote
 
 from lab3_usd.check.registry import Rule
+from lab3_usd.data import rule_address
 from lab3_usd.model.finding import Report, site_of
 from lab3_usd.report.entries import (
     ReportedFinding,
@@ -107,6 +108,7 @@ def file_uri(path: str, root: str | None) -> Json:
 def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
     if rule is None:
         return {"id": rule_id, "name": name}
+    page = {} if rule.scope == "own" else {"helpUri": rule_address(rule_id)}
     first = " ".join(rule.manual.partition("\n\n")[0].split())
     return {
         "id": rule_id,
@@ -114,6 +116,7 @@ def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
         "shortDescription": {"text": first},
         "fullDescription": {"text": rule.section("Why") or first},
         "help": {"text": rule.manual},
+        **page,
         "defaultConfiguration": {"level": rule.severity},
     }
 
