@@ -43,6 +43,7 @@ def meshed(folder: Path, meshes: int = 200, points: int = 5000, form: str = "usd
     for number in range(meshes):
         mesh = UsdGeom.Mesh.Define(stage, f"/Hall/Rock_{number:03}")
         mesh.GetPointsAttr().Set(cloud)
+        mesh.GetExtentAttr().Set([Gf.Vec3f(-1), Gf.Vec3f(1)])  # as Isaac Sim writes it
         mesh.GetFaceVertexCountsAttr().Set(counts)
         mesh.GetFaceVertexIndicesAttr().Set(indices)
         mesh.AddTranslateOp().Set(Gf.Vec3d(30 + 3 * (number % 20), 3 * (number // 20), 1))

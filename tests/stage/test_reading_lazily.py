@@ -235,6 +235,37 @@ def test_no_shape_is_measured_twice(top: str, monkeypatch: pytest.MonkeyPatch) -
     assert len(meshes) == len(set(meshes)) == 40
 
 
+@pytest.mark.parametrize(("extent", "is_read"), [("[(-1, -1, -1), (1, 1, 1)]", 0), ("[]", 1)])
+def test_points_of_a_mesh_are_read_where_no_extent_says_its_bounds(
+    extent: str, is_read: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.ImportFromString(
+        f"""#usda 1.0
+        (metersPerUnit = 1)
+        def Mesh "rock" (prepend apiSchemas = ["PhysicsCollisionAPI"]) {{
+            float3[] extent = {extent}
+            point3f[] points = [(0, 0, 0), (1, 1, 1), (0, 1, 0)]
+            double3 xformOp:translate = (7, 0, 0)
+            uniform token[] xformOpOrder = ["xformOp:translate"]
+        }}"""
+    )
+    measured: list[str] = []
+    around = colliders._world_box
+
+    def noted(prim: Usd.Prim, path: str, places: object) -> object:
+        measured.append(path)
+        return around(prim, path, places)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(colliders, "_world_box", noted)
+    found = read_model(Usd.Stage.Open(layer), LAB.platform, "x").colliders
+    [bounds] = found.bounds()
+    assert (len(measured), bounds.high) == (is_read, (8, 1, 1))
+    exact = found.measured("/rock")
+    assert exact is not None
+    assert (exact.low, exact.high) == ((7, 0, 0), (8, 1, 1))
+
+
 def test_points_of_no_shape_have_no_box() -> None:
     stage = rocks(1)
     for name, kind, values in (

@@ -66,9 +66,13 @@ def _is_doubtful(stage: StageModel) -> bool:
     known = joined_bodies(stage)
     wheels = _wheels(stage)
     boxes: dict[str, list[tuple[Collider, str]]] = {}
-    for box in stage.colliders.below("/"):
-        body = known.carrier(box.path)
-        boxes.setdefault(known.robots.get(body, ""), []).append((box, body))
+    for bounds in stage.colliders.bounds():
+        body = known.carrier(bounds.path)
+        name = known.robots.get(body, "")
+        is_robot = name and known.sizes.get(name, 0) > 1
+        box = stage.colliders.measured(bounds.path) if is_robot else bounds
+        if box is not None:
+            boxes.setdefault(name, []).append((box, body))
     robots = {name: own for name, own in boxes.items() if name and known.sizes.get(name, 0) > 1}
     rolling = {known.robots[link] for link in wheels}
     for name in rolling & robots.keys():

@@ -174,6 +174,15 @@ class Colliders:
         del top
         return ()
 
+    def bounds(self) -> Iterable[Collider]:
+        """Return boxes that hold the shapes: those of meshes may be larger than the meshes."""
+        return ()
+
+    def measured(self, path: str) -> Collider | None:
+        """Return the box of the shapes of a collision prim."""
+        del path
+        return None
+
     def shape(self, path: str) -> Collider | None:
         """Return the box around a prim's own shape, whether it collides or not."""
         del path

@@ -143,10 +143,17 @@ def _boxes_below(subject: RobotSubject) -> Iterator[Collider]:
     start = _start(subject)
     reach = height(start, subject) + subject.lab.scene.tolerance.root_position
     level = [number for number in range(3) if not up_of(subject)[number]]
-    for box in subject.stage.colliders.beside(robot.path):
-        is_over = all(box.low[axis] <= start[axis] <= box.high[axis] for axis in level)
-        if is_over and height(box.low, subject) <= reach:
-            yield box
+    colliders = subject.stage.colliders
+
+    def is_over(box: Collider) -> bool:
+        is_around = all(box.low[axis] <= start[axis] <= box.high[axis] for axis in level)
+        return is_around and height(box.low, subject) <= reach
+
+    for bounds in colliders.bounds():
+        if is_over(bounds) and not is_at_or_below(bounds.path, robot.path):
+            box = colliders.measured(bounds.path)
+            if box is not None and is_over(box):
+                yield box
 
 
 def _start(subject: RobotSubject) -> Vector:

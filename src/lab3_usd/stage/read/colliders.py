@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable, Iterator
 from functools import cache
+from itertools import product
 from typing import Any
 
 from pxr import Gf, Usd, Vt
@@ -26,6 +28,7 @@ _Box = tuple[_Corner, _Corner]
 
 _COLLISION = "PhysicsCollisionAPI"
 _EVEN = 1e-4  # of a scale, between what counts as one
+_ENDS = 2  # corners of an extent
 _FEW = 100  # points of a mesh; more are left to UsdGeom
 _AXIS_NAMES = ("X", "Y", "Z")
 # The shapes of UsdGeom by type name; whether round ones end in half balls.
@@ -55,11 +58,27 @@ class StageColliders(Colliders):
 
     def below(self, top: str) -> list[Collider]:
         """Return the boxes of the shapes at and below a prim."""
-        return self._boxes_of(top, below=True)
+        paths = self._paths()
+        start, end = self._spans.get(top.rstrip("/"), (0, 0))
+        return [*self._boxes_of(paths[start:end])]
 
-    def beside(self, top: str) -> list[Collider]:
-        """Return the boxes of the shapes that are not `below` a prim."""
-        return self._boxes_of(top, below=False)
+    def beside(self, top: str) -> Iterator[Collider]:
+        """Yield the boxes of the shapes that are not `below` a prim."""
+        paths = self._paths()
+        start, end = self._spans.get(top.rstrip("/"), (0, 0))
+        return self._boxes_of([*paths[:start], *paths[end:]])
+
+    def bounds(self) -> Iterator[Collider]:
+        """Yield boxes that hold the shapes: that of a mesh by its `extent`, where a layer says it.
+
+        So the points of a mesh that is far from a robot are not read.
+        """
+        for path in self._paths():
+            with stage_errors(self._reader.name):
+                box = None if path in self._boxes else self._by_extent(path)
+            collider = self.measured(path) if box is None else self._in_metres(path, box)
+            if collider is not None:
+                yield collider
 
     def shape(self, path: str) -> Collider | None:
         """Return the box around a prim's own shape, whether it collides or not."""
@@ -71,7 +90,8 @@ class StageColliders(Colliders):
                 self._shapes[path] = _world_box(prim, path, transforms) if is_there else None
         return self._in_metres(path, self._shapes[path])
 
-    def _boxes_of(self, top: str, *, below: bool) -> list[Collider]:
+    def _paths(self) -> list[str]:
+        """Return the collision prims that are there, as the stage is traversed."""
         if not self._present:
             colliding = self._prims.with_api(_COLLISION)
             solid = (prim for prim in colliding if prim.present and self._is_defined(prim.path))
@@ -80,17 +100,31 @@ class StageColliders(Colliders):
                 for above in ("", *upwards(path)):
                     start, _ = self._spans.get(above, (number, 0))
                     self._spans[above] = start, number + 1
-        start, end = self._spans.get(top.rstrip("/"), (0, 0))
-        paths = self._present[start:end]
-        if not below:
-            paths = self._present[:start] + self._present[end:]
-        with stage_errors(self._reader.name):
-            for path in paths:
-                if path not in self._colliders:
-                    if path not in self._boxes:
-                        self._measure(prim_at(self._reader.stage, path), path)
-                    self._colliders[path] = self._in_metres(path, self._boxes[path])
-        return [box for path in paths if (box := self._colliders[path]) is not None]
+        return self._present
+
+    def _boxes_of(self, paths: Iterable[str]) -> Iterator[Collider]:
+        return filter(None, map(self.measured, paths))
+
+    def measured(self, path: str) -> Collider | None:
+        """Return the box of the shapes of a collision prim."""
+        if path not in self._colliders:
+            with stage_errors(self._reader.name):
+                if path not in self._boxes:
+                    self._measure(prim_at(self._reader.stage, path), path)
+            self._colliders[path] = self._in_metres(path, self._boxes[path])
+        return self._colliders[path]
+
+    def _by_extent(self, path: str) -> _Box | None:
+        """Return the box around the extent of a mesh, None where no layer says it."""
+        prim = prim_at(self._reader.stage, path)
+        is_mesh = Usd.Prim.GetTypeName(prim) == "Mesh" and not Usd.Prim.GetAllChildrenNames(prim)
+        extent = authored_data(prim, "extent") if is_mesh else None
+        if not isinstance(extent, Vt.Vec3fArray) or len(extent) != _ENDS:
+            return None
+        matrix = Gf.Matrix4d(*self._reader.transforms.of(prim, path)[1])
+        corners = product(*zip(*memoryview(extent).tolist(), strict=True))
+        moved: Any = [elements(matrix.Transform(Gf.Vec3d(*corner))) for corner in corners]
+        return _bounds(moved)
 
     def _is_defined(self, path: str) -> bool:
         """Whether a prim is surely in the scene, and not only if a missing asset defines it."""
