@@ -19,7 +19,17 @@ from fault_chains import (
 from grade_files import LAB, built, stage
 from msgspec.structs import replace
 from pxr import Gf
-from scene_changes import ROBOT, Change, author, deactivate, put, retype, turn
+from scene_changes import (
+    ROBOT,
+    Change,
+    author,
+    clear,
+    deactivate,
+    put,
+    remove,
+    retype,
+    turn,
+)
 from submissions import checked
 
 from lab3_usd.grade import dry_runs
@@ -236,6 +246,15 @@ def test_a_size_that_the_robot_drives_otherwise_with_takes_the_drive(
     values: dict[str, float],
 ) -> None:
     assert drive_with(**values) == 0
+
+
+BOUND = "material:binding:physics"
+TYRES = "/Environment/PhysicsMaterials/Tyre"
+
+
+@pytest.mark.parametrize("lost", [remove(TYRES), clear(f"{ROBOT}/colliders/wheel/tyre", BOUND)])
+def test_a_tyre_without_its_material_takes_no_drive(lost: Change) -> None:
+    assert earned_by_drive(lost) == 15
 
 
 def test_the_nearest_float_is_the_size_itself() -> None:

@@ -18,7 +18,8 @@ FRICTIONS = ("physics:staticFriction", "physics:dynamicFriction")
 COMBINED = "physxMaterial:frictionCombineMode"
 DRIVE_TYPE = "drive:angular:physics:type"
 GRAVITY = 9.81  # metres a second squared
-_BINDINGS = ("material:binding:physics", "material:binding")
+BINDING = "material:binding"
+_BINDINGS = (f"{BINDING}:physics", BINDING)
 _MODES = ("average", "min", "multiply", "max")  # of the modes of two surfaces the later one counts
 _NO_GRIP = 1e-4  # a friction below which nothing is pushed
 

@@ -17,6 +17,7 @@ from lab3_usd.model.changes import (
     StarterSubject,
 )
 from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.traction import BINDING
 
 _MISSING = "missing"  # and not deactivated, or an over
 _SHOWN = 4  # differences that a message names
@@ -163,10 +164,15 @@ def _changed_prims(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
 def _unmet(prim: str, left: list[Difference], subject: StarterSubject) -> Iterator[str]:
     """Yield what is asked of a wheel whose shape or joint is another than the supplied one."""
     for link, requirement in subject.shaped.items():
-        if prim.startswith(f"{link}/") and any(difference.physics for difference in left):
+        if prim.startswith(f"{link}/") and any(map(_is_shape, left)):
             yield requirement
     if prim in subject.placed and any(_is_frame(difference.property) for difference in left):
         yield subject.placed[prim]
+
+
+def _is_shape(difference: Difference) -> bool:
+    """Whether a shape is another one; how it grips without its material, S25 and dry runs tell."""
+    return difference.physics and not difference.property.startswith(BINDING)
 
 
 def _is_frame(name: str) -> bool:

@@ -10,6 +10,7 @@ from pxr import Sdf, Usd
 from lab3_usd.model.changes import Change, Difference
 from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC, SCENE
 from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.traction import BINDING
 from lab3_usd.stage.compare.pairs import (
     PRESENT,
     PairedPrim,
@@ -37,7 +38,6 @@ from lab3_usd.stage.compare.value_terms import (
 from lab3_usd.stage.read.prim_transforms import ORDER
 from lab3_usd.stage.read.properties import targets_of
 
-_BINDING = "material:binding"
 _PURPOSE = "physics"
 _SWITCHES = (BODY_ENABLED, KINEMATIC)
 _ENDS = ("physics:body0", "physics:body1")
@@ -203,7 +203,7 @@ def _added_differences(
                 yield Difference("added", "", "", f"{name} was added", physics=False)
         elif not difference.is_new:
             continue
-        elif name.startswith(_BINDING):
+        elif name.startswith(BINDING):
             yield from _bound(prim, twin, name, terms)
         elif is_judged and name not in idle and _counts(prim, twin, name, terms):
             yield from _added_property(difference, twin, terms)
