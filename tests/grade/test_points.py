@@ -18,7 +18,7 @@ from fault_chains import (
 )
 from grade_files import LAB, built, stage
 from msgspec.structs import replace
-from pxr import Gf
+from pxr import Gf, Sdf, Usd
 from scene_changes import (
     ROBOT,
     Change,
@@ -246,6 +246,21 @@ def test_a_size_that_the_robot_drives_otherwise_with_takes_the_drive(
     values: dict[str, float],
 ) -> None:
     assert drive_with(**values) == 0
+
+
+def test_a_blemish_elsewhere_takes_no_drive_from_a_robot_that_its_limits_let_go_slowly() -> None:
+    names = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
+    ramps = [author(CONTROLLER, f"inputs:{name}", "Double", 0.5) for name in names]
+    moved = put("/Environment/Furniture/CrateA", "xformOp:translate", Gf.Vec3d(2.0, 1.0, 0.25))
+    assert earned_by_drive(*ramps, time_step, moved) == 15
+    right = put(f"{ROBOT}/ROS_Drive/constant_right_joint", "inputs:value", "wheel_left_joint")
+    assert earned_by_drive(*ramps, time_step, right) == 0
+
+
+def time_step(stage: Usd.Stage) -> None:
+    """Wire the time step of the controller."""
+    step = stage.GetPrimAtPath(CONTROLLER).CreateAttribute("inputs:dt", Sdf.ValueTypeNames.Double)
+    step.SetConnections([f"{ROBOT}/ROS_Drive/on_playback_tick.outputs:deltaSeconds"])
 
 
 BOUND = "material:binding:physics"

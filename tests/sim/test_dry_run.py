@@ -260,8 +260,11 @@ def ramped(limit: float) -> Usd.Stage:
     return stage
 
 
-def test_a_robot_with_acceleration_limits_gets_going_and_stops_as_these_let_it() -> None:
-    assert faults(driven(ramped(0.5), wanted=DRIVING)) == []
+@pytest.mark.parametrize("limit", [0.1, 0.5])
+def test_a_robot_with_acceleration_limits_gets_going_and_stops_as_these_let_it(
+    limit: float,
+) -> None:
+    assert faults(driven(ramped(limit), wanted=DRIVING)) == []
 
 
 def test_acceleration_limits_hide_no_wrong_size() -> None:
