@@ -116,8 +116,7 @@ OTHER = Repair("", (Activate("/turtlebot3_burger"),))
 def test_a_node_is_not_deleted_while_what_it_stands_in_waits_for_a_repair(
     prim: str, fix: Repair | None, *, waits: bool
 ) -> None:
-    lab = load_lab()
-    session = EditSession(correct_stage("02"), lab, lab.checkpoints["02"])
+    session = EditSession(correct_stage("02"), load_lab().platform)
     found = replace(fault("x", prim), fix=fix)
     errors = errors_by_prim([found], [DELETION, OTHER])
     assert deletes_what_waits(DELETION, errors, session) == waits

@@ -40,8 +40,7 @@ def edited(tmp_path: Path) -> Editing:
     def edit(text: str, *edits: Edit) -> str:
         path = tmp_path / "stage.usda"
         path.write_bytes(f"#usda 1.0\n{text}".encode())
-        lab = load_lab()
-        session = EditSession(open_stage(path), lab, lab.checkpoints["00"])
+        session = EditSession(open_stage(path), load_lab().platform)
         try:
             for edit in edits:
                 apply_edit(session, edit)
@@ -185,8 +184,7 @@ def test_a_text_that_would_say_something_else_is_refused(
 ) -> None:
     path = tmp_path / "stage.usda"
     path.write_text('#usda 1.0\ndef "A"\n{\n  int x = 1\n}\n')
-    lab = load_lab()
-    session = EditSession(open_stage(path), lab, lab.checkpoints["00"])
+    session = EditSession(open_stage(path), load_lab().platform)
     apply_edit(session, SetValue("/A", "x", "int", 2))
     monkeypatch.setattr(
         "lab3_usd.fix.text_editor.new_text", lambda *given: new_text(*given).replace("2", "3")

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import pytest
 from breaking import correct_stage
+from msgspec.structs import replace
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from lab3_usd.model.changes import (
@@ -23,7 +24,7 @@ from lab3_usd.model.changes import (
 )
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
-from lab3_usd.stage.edit.session import EditSession
+from lab3_usd.stage.edit.session import EditSession, Reference
 
 LAB = load_lab()
 ROBOT = LAB.scene.robot.path
@@ -52,7 +53,7 @@ def "Node" (
 
 def edited(stage: Usd.Stage, *edits: Edit, starter: Path | None = None) -> Usd.Stage:
     path = str(starter) if starter else None
-    session = EditSession(stage, LAB, LAB.checkpoints["00"], starter=path)
+    session = EditSession(stage, LAB.platform, Reference(LAB, LAB.checkpoints["00"], path))
     for edit in edits:
         apply_edit(session, edit)
     return stage
@@ -223,7 +224,9 @@ def test_what_is_missing_or_inactive_below_a_prim_comes_back() -> None:
 
 @pytest.mark.parametrize("place", ["/Clock", "/World/Clock"])
 def test_a_graph_is_added_at_the_root_or_below_a_prim(place: str) -> None:
-    stage = edited(correct_stage("00"), AddGraph(place, "ROS_Clock"))
+    stage = edited(
+        correct_stage("00"), AddGraph.of(replace(LAB.graphs["ROS_Clock"].graph, path=place))
+    )
     graph = stage.GetPrimAtPath(place)
     assert [child.GetName() for child in graph.GetChildren()] == [*LAB.graphs["ROS_Clock"].nodes]
 
@@ -278,7 +281,7 @@ def test_a_closed_session_leaves_the_stage_as_it_was(edit: Edit, lamp: Usd.Stage
     UsdGeom.SetStageMetersPerUnit(lamp, 0.01)
     UsdGeom.Xformable(lamp.GetPrimAtPath(SUN)).ClearXformOpOrder()
     text = lamp.GetRootLayer().ExportToString()
-    session = EditSession(lamp, LAB, LAB.checkpoints["00"])
+    session = EditSession(lamp, LAB.platform, Reference(LAB, LAB.checkpoints["00"]))
     apply_edit(session, edit)
     assert lamp.GetRootLayer().ExportToString() != text
     session.close()
@@ -325,7 +328,7 @@ def test_a_property_is_removed_at_the_prim_that_is_referred_to(
 
 
 def test_a_session_names_the_overs_that_it_edited(lamp: Usd.Stage) -> None:
-    session = EditSession(lamp, LAB, LAB.checkpoints["00"])
+    session = EditSession(lamp, LAB.platform, Reference(LAB, LAB.checkpoints["00"]))
     apply_edit(session, Restore(SUN))
     assert f"{SUN}/Part" in session.begin(lamp.GetRootLayer()).touched
 

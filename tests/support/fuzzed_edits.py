@@ -238,8 +238,7 @@ def fault_of(seed: int, folder: Path) -> str | None:
     layer = random_layer(seed)
     path = folder / f"layer{seed}.usda"
     path.write_bytes(layer.text.encode())
-    lab = load_lab()
-    session = EditSession(open_stage(path), lab, next(iter(lab.checkpoints.values())))
+    session = EditSession(open_stage(path), load_lab().platform)
     edits = []
     try:
         for edit in random_edits(layer, seed):

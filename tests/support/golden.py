@@ -95,7 +95,7 @@ def _shown(value: Any) -> str:
     """Return a value as text; of a long list its ends."""
     if isinstance(value, Repair):
         edits = "; ".join(
-            " ".join(str(part) for part in to_builtins(edit).values() if part is not None)
+            " ".join(_part_text(part) for part in to_builtins(edit).values() if part is not None)
             for edit in value.edits
         )
         return f"{value.title}{'' if value.safe else ' (unsafe)'}: {edits}"
@@ -105,6 +105,13 @@ def _shown(value: Any) -> str:
     if len(items) > _MOST_LISTED:
         return f"{', '.join(items[:2])} ... {items[-1]} ({len(items)})"
     return ", ".join(map(str, items))
+
+
+def _part_text(part: Any) -> str:
+    """Return a part of an edit; of the edits that it consists of, the prims."""
+    if isinstance(part, tuple) and part and isinstance(part[0], dict):
+        return " ".join(entry["prim"] for entry in part)
+    return str(part)
 
 
 def assert_golden_text(name: str, shown: str) -> None:

@@ -11,23 +11,23 @@ from msgspec.structs import replace
 
 from lab3_usd.author.choosing import present_prim
 from lab3_usd.author.editing import Editing, open_for_edits
-from lab3_usd.author.extending import extension
 from lab3_usd.author.frame_holes import sent_frames
 from lab3_usd.author.holes import fill, subjects
 from lab3_usd.author.places import graph_to_extend, new_path
-from lab3_usd.author.presence import Likeness, likeness, rivals
 from lab3_usd.author.request import Options, Request, checked
+from lab3_usd.author.rivals import rivals
 from lab3_usd.author.task import Hole, Task
 from lab3_usd.errors import GraphError, StageError, UsageError, unwritten
 from lab3_usd.facts.frame_targets import frame_of_prim, tf_ports
 from lab3_usd.facts.frames import all_edges
+from lab3_usd.facts.planned_graphs import Likeness, extension, likeness
 from lab3_usd.files import FileState, temporary_beside
 from lab3_usd.isaac.filling import filled
 from lab3_usd.isaac.graph import Graph
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.isaac.releases import order
-from lab3_usd.model.changes import DropPrim, Retarget, WriteGraph
+from lab3_usd.model.changes import AddGraph, DropPrim, Retarget
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import StageModel
@@ -225,15 +225,15 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
         if path not in alike or not options.replaces:
             _refuse_taken(path, next((found for found in there if found.path == path), None))
         made_way = [path]
-    write = WriteGraph(graph.path, graph, recipe.kind, into=into is not None)
-    editing.edit([*map(DropPrim, made_way), write])
+    write = AddGraph.of(graph, recipe.kind)
+    editing.edit([*map(DropPrim, made_way), *((write,) if into is None else write.contents)])
     new = frozenset(f"{graph.path}/{role}" for role in graph.nodes)
     first = _in_the_way(new, recipe, alike, editing.model)
     if first and options.replaces and into is None and set(first) <= {*alike}:
         made_way = list(first)
         graph = replace(graph, path=request.options.graph or made_way[0])
-        write = WriteGraph(graph.path, graph, recipe.kind)
-        editing.edit([*map(DropPrim, (*new_tops(new), *made_way)), write])
+        drops = map(DropPrim, (*new_tops(new), *made_way))
+        editing.edit([*drops, AddGraph.of(graph, recipe.kind)])
         new = frozenset(f"{graph.path}/{role}" for role in graph.nodes)
         first = _in_the_way(new, recipe, [], editing.model)
     if first:

@@ -29,7 +29,7 @@ from lab3_usd.isaac.graph import (
 )
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.model.changes import Connect, WriteGraph
+from lab3_usd.model.changes import AddGraph, Connect, wire_edit
 from lab3_usd.stage.read.opening import quiet
 
 _BY_HAND = "python"  # the kind of a graph that no recipe brought
@@ -157,16 +157,11 @@ class GraphOf:
 
     def connections(self) -> list[Connect]:
         """Return the wires that end at nodes that were there before."""
-        found = []
-        for wire in self._wires:
-            if wire.target.role not in self._nodes:
-                kind = self[wire.target.role]._made.type  # noqa: SLF001 - of this module
-                port = kind.port(wire.target.port)
-                source = f"{self.path}/{wire.source.role}.{wire.source.port}"
-                usd_type = port.usd_type if port is not None else ""
-                prim = f"{self.path}/{wire.target.role}"
-                found.append(Connect(prim, wire.target.port, usd_type, (source,)))
-        return found
+        return [
+            wire_edit(self.path, wire, self[wire.target.role]._made)  # noqa: SLF001 - of this module
+            for wire in self._wires
+            if wire.target.role not in self._nodes
+        ]
 
 
 class Added(Struct, frozen=True):
@@ -296,8 +291,8 @@ class Stage:
         for path, graph in self._graphs.items():
             made, wires = graph.made(), graph.connections()
             if made.nodes or wires:
-                write = WriteGraph(path, made, _BY_HAND, into=graph.extends)
-                self._editing.edit([*([write] if made.nodes else []), *wires])
+                new = AddGraph.of(made, _BY_HAND)
+                self._editing.edit([*(new.contents if graph.extends else (new,)), *wires])
                 request = Request(_BY_HAND)
                 self._additions.append(Addition(request, path, len(made.nodes)))
         self._graphs.clear()

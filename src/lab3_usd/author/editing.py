@@ -7,11 +7,9 @@ from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
-from msgspec.structs import replace
 
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError
 from lab3_usd.files import FileState, read_state
 from lab3_usd.fix.text_editor import new_bytes
@@ -20,7 +18,6 @@ from lab3_usd.model.changes import Edit
 from lab3_usd.model.finding import Finding, ordered
 from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.read.opening import check_file, open_stage
@@ -64,8 +61,7 @@ class Editing(Struct, eq=False):
             UsageError: the release is not known.
         """
         platform = lint_platform(release)
-        lab = replace(load_lab(data_folder("graphs")), platform=platform)
-        session = EditSession(stage, lab, lab.checkpoints[lab.first], root_only=True)
+        session = EditSession(stage, platform, root_only=True)
         return cls(path, session, platform, read_model(stage, platform, str(path)))
 
     def findings(self) -> tuple[Finding, ...]:

@@ -5,11 +5,14 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping, Sequence
 
 from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject
-from lab3_usd.facts.clocks import CLOCK
+from lab3_usd.facts.clocks import CLOCK, Stamp
 from lab3_usd.facts.execution_order import event_of, live_nodes, run_states
+from lab3_usd.facts.planned_graphs import extension, likeness
 from lab3_usd.facts.reaching_values import live_sources
+from lab3_usd.isaac.filling import filled
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
-from lab3_usd.model.changes import Connect, CreateNode, Edit
+from lab3_usd.isaac.recipes import Recipe
+from lab3_usd.model.changes import AddGraph, Connect, Edit
 from lab3_usd.model.finding import short_source
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
@@ -168,37 +171,36 @@ def wire_hint(wire: tuple[Edit, ...]) -> str | None:
     return f"drag a wire from {short_source(sources[0])}, which alone fits, to this input"
 
 
-def clock_publisher(stamped: Node, subject: LintSubject) -> tuple[Edit, ...]:
-    """Return what adds a publisher of the clock to the graph of a node that stamps messages.
+def clock_publisher(stamp: Stamp, subject: LintSubject) -> tuple[Edit, ...]:
+    """Return what adds the recipe of a clock to the graph of a node that stamps messages.
 
     It takes event, time and context from where the graph has them.
     """
-    graph = stamped.path.rpartition("/")[0]
-    kinds = [kind for kind in subject.platform.types.values() if kind.message.get("") == CLOCK]
-    kind = min(kinds, key=lambda kind: kind.type, default=None)
-    if kind is None or f"{graph}/{kind.prim_name}" in subject.live:
+    path, domain, recipe = stamp.node.path.rpartition("/")[0], stamp.domain, _clock_recipe(subject)
+    own = next((graph for graph in subject.graphs() if graph.path == path), None)
+    is_driven = bool(_events(stamp.node, subject))
+    if recipe is None or own is None or not is_driven or domain.number is None:
         return ()
-    path = f"{graph}/{kind.prim_name}"
-    stamp = INPUT + subject.platform.ros.stamp
-    wires: list[Edit] = []
-    for port, outputs in (
-        *(
-            (name, [p for event in _events(stamped, subject) for p in _signals(event)])
-            for name in kind.execution_inputs
-        ),
-        (stamp, _wired(stamped, stamp, subject)),
-        (_CONTEXT_INPUT, _wired(stamped, _CONTEXT_INPUT, subject)),
-    ):
-        if len(outputs) == 1:
-            wires.append(Connect(path, port, kind.ports[port].usd_type, tuple(outputs)))
-        elif port != _CONTEXT_INPUT:
-            return ()
-    return (CreateNode(path, kind.type), *wires)
+    values = {
+        **recipe.usual,
+        "domain": domain.number or None,
+        "domain_by_environment": None if domain.from_environment else False,
+        "restart": stamp.restarts is not False,
+    }
+    planned, shared = filled(recipe, path, values, subject.platform)
+    found = likeness(planned, own, subject.stage)
+    return AddGraph.of(extension(planned, shared, found, subject.stage)).contents
 
 
-def _wired(node: Node, port: str, subject: LintSubject) -> list[str]:
-    sources = live_sources(node, port, subject.live)
-    return [f"{source.path}.{output}" for source, output in sources]
+def _clock_recipe(subject: LintSubject) -> Recipe | None:
+    """Return the recipe that sends nothing but the clock, where the release has its types."""
+    types = subject.platform.types
+    for recipe in subject.platform.recipes.values():
+        kinds = [types.get(node.type) for node in recipe.nodes.values()]
+        messages = [name for kind in kinds if kind is not None for name in kind.message.values()]
+        if None not in kinds and messages == [CLOCK]:
+            return recipe
+    return None
 
 
 def _connect(node: Node, port: str, outputs: list[str]) -> tuple[Edit, ...]:

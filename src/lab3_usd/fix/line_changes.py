@@ -39,7 +39,14 @@ from lab3_usd.model.finding import Report, Site, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.edit.repairs import apply_edit
-from lab3_usd.stage.edit.session import EditedLayer, EditSession, is_text, layer_from, same_prim
+from lab3_usd.stage.edit.session import (
+    EditedLayer,
+    EditSession,
+    Reference,
+    is_text,
+    layer_from,
+    same_prim,
+)
 from lab3_usd.stage.read.opening import open_stage, quiet
 
 Changes = Mapping[tuple[str, Site], tuple[TextChange, ...]]
@@ -73,7 +80,8 @@ def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
             continue
         stage = open_stage(Path(result.path))
         checkpoint = lab.checkpoints[result.checkpoint or lab.first]
-        session = EditSession(stage, lab.at(checkpoint.id), checkpoint, starter=starter)
+        right = Reference(lab.at(checkpoint.id), checkpoint, starter)
+        session = EditSession(stage, lab.platform, right)
         for site, repair in repairs.items():
             lines = tuple(_lines(session, repair, result.path))
             if lines:

@@ -15,10 +15,10 @@ from lab3_usd.check.checker import judge
 from lab3_usd.check.lint import lint
 from lab3_usd.check.registry import Parameters
 from lab3_usd.check.rule_runs import RuleResults
-from lab3_usd.data import data_folder
 from lab3_usd.errors import StageError, unwritten
 from lab3_usd.files import FileState, read_state, temporary_beside
 from lab3_usd.fix.text_editor import new_bytes
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Repair, Restore, touched
 from lab3_usd.model.finding import Finding, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
@@ -26,10 +26,10 @@ from lab3_usd.pipeline.any_stage import AUTO, lint_platform, lint_subject
 from lab3_usd.pipeline.results import without_noted
 from lab3_usd.pipeline.stage import checkpoint_of
 from lab3_usd.pipeline.starter_comparison import open_against_starter, open_starter
-from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
-from lab3_usd.stage.edit.session import EditSession
+from lab3_usd.stage.edit.session import EditSession, Reference
 from lab3_usd.stage.read.opening import check_file, open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.stage_reader import read_model
@@ -136,7 +136,8 @@ def fix_stage(path: Path, checkpoint: str, lab: Lab, options: FixOptions) -> Fix
         result = StageResult(str(file), spec.id, tuple(findings))
         return open_against_starter(result, stage, starter, lab).findings
 
-    return _fixed(path, judge_stage, lab, spec, options)
+    right = Reference(lab.at(spec.id), spec, options.starter)
+    return _fixed(path, judge_stage, lab.platform, right, options)
 
 
 @quiet()
@@ -150,7 +151,6 @@ def fix_linted(path: Path, release: str, options: FixOptions, moved_from: str = 
         UsageError: the release is not known.
     """
     platform = lint_platform(release)
-    lab = replace(load_lab(data_folder("graphs")), platform=platform)  # what is its own, none asks
     # Told once: a repair takes away what tells it.
     origin = moved_from
     if moved_from == AUTO:
@@ -162,7 +162,7 @@ def fix_linted(path: Path, release: str, options: FixOptions, moved_from: str = 
         subject = lint_subject(read_model(stage, platform, str(file)), origin, options.parameters)
         return _findings_of(file, lint(subject))
 
-    return _fixed(path, lint_stage, lab, lab.checkpoints[lab.first], options)
+    return _fixed(path, lint_stage, platform, None, options)
 
 
 def _state(path: Path) -> FileState:
@@ -181,11 +181,11 @@ def _findings_of(file: Path, judged: RuleResults) -> tuple[Finding, ...]:
 def _fixed(
     path: Path,
     judge_stage: Callable[[Path, Any], Iterable[Finding]],
-    lab: Lab,
-    checkpoint: Checkpoint,
+    platform: Platform,
+    right: Reference | None,
     options: FixOptions,
 ) -> Fixed:
-    """Judge a stage, repair it, and judge it again; restore what the lab's checkpoint has."""
+    """Judge a stage, repair it, and judge it again; restore what the reference has."""
     if path.suffix.lower() == _PACKAGE:
         raise StageError(
             f"{path}: is a package, which is not repaired; unpack it and repair its stage"
@@ -204,14 +204,13 @@ def _fixed(
 
     def effects() -> frozenset[str]:
         try:
-            return hooks.effects_of(stage, lab.platform)
+            return hooks.effects_of(stage, platform)
         finally:
             release_start_values(stage)
 
     before = findings_in(path, stage)
     sites = dict.fromkeys(site_of(finding) for finding in before if _repair_of(finding, options))
-    there = lab.at(checkpoint.id)
-    first = EditSession(stage, there, checkpoint, options.root_only, options.starter)
+    first = EditSession(stage, platform, right, options.root_only)
     shown = effects() if sites and not options.unsafe else frozenset()
 
     def attempt(kept: frozenset[Site]) -> Attempt:
@@ -321,7 +320,7 @@ def deletes_what_waits(
     Once that is repaired the node may be right where it is. An error further above that stays
     says nothing of the node.
     """
-    node_type = session.lab.platform.graph.node_type
+    node_type = session.platform.graph.node_type
     parents = [
         edit.prim.rpartition("/")[0]
         for edit in repair.edits
@@ -477,4 +476,5 @@ def repair_open_stage(repair: Repair, stage: Any) -> None:
     """Make the edits of a repair in the layers of a stage; no file is written."""
     lab = load_lab()
     checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or lab.first
-    make_edits(EditSession(stage, lab.at(checkpoint), lab.checkpoints[checkpoint]), [repair])
+    right = Reference(lab.at(checkpoint), lab.checkpoints[checkpoint])
+    make_edits(EditSession(stage, lab.platform, right), [repair])

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Literal, TypeAlias
 
 from msgspec import Struct
 
-from lab3_usd.isaac.graph import Graph
+from lab3_usd.isaac.graph import CORNER, Graph, Node, Variable, Wire
 from lab3_usd.isaac.values import Value
 
 if TYPE_CHECKING:
@@ -89,35 +89,55 @@ class Restore(Struct, frozen=True, tag="restore", tag_field="edit"):
     property: str | None = None
 
 
-class AddNode(Struct, frozen=True, tag="add-node", tag_field="edit"):
-    """Add the node that plays a role of a graph of the lab, without connections."""
+class AddNode(Struct, frozen=True, omit_defaults=True, tag="add-node", tag_field="edit"):
+    """Add a node of a type to a graph, with values and targets of its inputs and no connections.
 
-    prim: str
-    graph: str
-    role: str
-
-
-class AddGraph(Struct, frozen=True, tag="add-graph", tag_field="edit"):
-    """Add a whole graph of the lab."""
-
-    prim: str
-    graph: str
-
-
-class WriteGraph(Struct, frozen=True, tag="write-graph", tag_field="edit"):
-    """Add an Action Graph, or nodes to one that is there; `kind` names the recipe of it."""
-
-    prim: str
-    graph: Graph
-    kind: str
-    into: bool = False
-
-
-class CreateNode(Struct, frozen=True, tag="create-node", tag_field="edit"):
-    """Add a node of a type, with its ports as the editor writes them, and no connections."""
+    `added` are the dynamic inputs that come with it, `kind` names the recipe that brings it.
+    """
 
     prim: str
     type: str
+    values: tuple[tuple[str, Value], ...] = ()
+    targets: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    added: tuple[str, ...] = ()
+    place: tuple[float, float] = CORNER
+    kind: str = ""
+
+    @classmethod
+    def of(cls, prim: str, node: Node, kind: str = "") -> AddNode:
+        """Return the edit that adds a planned node."""
+        values, targets = tuple(node.values.items()), tuple(node.targets.items())
+        return cls(prim, node.type.type, values, targets, node.added, node.place, kind)
+
+
+class AddGraph(Struct, frozen=True, omit_defaults=True, tag="add-graph", tag_field="edit"):
+    """Add an Action Graph with all that is in it; `kind` names the recipe that brings it."""
+
+    prim: str
+    nodes: tuple[AddNode, ...] = ()
+    wires: tuple[Connect, ...] = ()
+    variables: tuple[Variable, ...] = ()
+    kind: str = ""
+
+    @classmethod
+    def of(cls, graph: Graph, kind: str = "") -> AddGraph:
+        """Return the edit that adds a planned graph."""
+        nodes = tuple(AddNode.of(f"{graph.path}/{n.role}", n, kind) for n in graph.nodes.values())
+        wires = tuple(wire_edit(graph.path, w, graph.nodes[w.target.role]) for w in graph.wires)
+        return cls(graph.path, nodes, wires, graph.variables, kind)
+
+    @property
+    def contents(self) -> tuple[Edit, ...]:
+        """The edits that add the nodes and wires to a graph that is there."""
+        return (*self.nodes, *self.wires)
+
+
+def wire_edit(graph: str, wire: Wire, target: Node) -> Connect:
+    """Return the edit that makes a planned wire of a graph, which ends at the node `target`."""
+    port = target.type.port(wire.target.port)
+    source = f"{graph}/{wire.source.role}.{wire.source.port}"
+    usd_type = port.usd_type if port is not None else ""
+    return Connect(f"{graph}/{target.role}", wire.target.port, usd_type, (source,))
 
 
 class RemovePrim(Struct, frozen=True, tag="remove-prim", tag_field="edit"):
@@ -152,8 +172,6 @@ Edit: TypeAlias = (
     | Restore
     | AddNode
     | AddGraph
-    | CreateNode
-    | WriteGraph
     | RemovePrim
     | DropPrim
     | MovePrim
@@ -192,7 +210,7 @@ class Repair(Struct, frozen=True):
     safe: bool = True
 
 
-_NEEDS_CONSENT = (AddGraph, AddNode, CreateNode, WriteGraph, RemovePrim, DropPrim, MovePrim)
+_NEEDS_CONSENT = (AddGraph, AddNode, RemovePrim, DropPrim, MovePrim)
 
 
 def repair_by(edits: tuple[Edit, ...]) -> Repair:

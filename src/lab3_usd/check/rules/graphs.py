@@ -88,7 +88,7 @@ def _restoring_edits(subject: GraphSubject) -> Iterator[Edit]:
     """
     prim = subject.stage.prims.get(subject.spec.path)
     if prim is None:
-        yield AddGraph(subject.spec.path, subject.spec.name)
+        yield AddGraph.of(subject.spec.graph)
     elif not prim.present:
         yield Activate(prim.path)
     elif any(node.path.rpartition("/")[0] == prim.path for node in subject.stage.orphans):

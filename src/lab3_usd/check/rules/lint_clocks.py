@@ -315,7 +315,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
                 expected="a publisher of /clock",
                 related=tuple(dict.fromkeys((*off, *(s.node.path for s in simulated[1:])))),
                 rests_on=next(iter(subject.stage.unresolved), None),
-                fix=() if off else clock_publisher(first.node, subject),
+                fix=() if off else clock_publisher(first, subject),
                 assumes=overs,
                 identity="/",
             )

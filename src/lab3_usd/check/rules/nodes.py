@@ -74,7 +74,7 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
             paths = (f"{graph.path}/{name}" for name in names)
             prims = subject.stage.prims
             free = next(path for path in paths if path not in taken and prims.get(path) is None)
-            fix = (AddNode(free, subject.spec.name, spec.role),)
+            fix = (AddNode.of(free, spec.node),)
         elif present.reason in {DEACTIVATED, OVER}:
             fix = (Activate(present.path),)
         yield Problem(

@@ -5,10 +5,8 @@ from __future__ import annotations
 from collections.abc import Iterable
 from typing import Any
 
-from msgspec.structs import replace
 from pxr import Pcp, Sdf, Usd
 
-from lab3_usd.isaac.graph import Graph, Node
 from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.values import are_alike
 from lab3_usd.model.changes import (
@@ -18,7 +16,6 @@ from lab3_usd.model.changes import (
     ApplySchema,
     ClearValue,
     Connect,
-    CreateNode,
     DropPrim,
     MovePrim,
     RemovePrim,
@@ -27,13 +24,12 @@ from lab3_usd.model.changes import (
     Retarget,
     SetType,
     SetValue,
-    WriteGraph,
 )
 from lab3_usd.stage.edit.session import EditSession
 from lab3_usd.stage.write.graphs import (
     PARENT,
     author_graph,
-    author_nodes,
+    author_node,
     catalog_value,
     define_parents,
 )
@@ -236,52 +232,18 @@ def activate(session: EditSession, edit: Activate) -> None:
 
 
 def add_graph(session: EditSession, edit: AddGraph) -> None:
-    """Add a graph of the lab with everything in it."""
-    graph = replace(session.lab.graphs[edit.graph].graph, path=edit.prim)
-    source = Sdf.Layer.CreateAnonymous(".usda")
-    author_graph(source, graph, session.lab.platform)
-    copy_prim(session, source, edit.prim, edit.prim)
+    """Add an Action Graph with all that is in it and the parents that it lacks.
 
-
-def add_node(session: EditSession, edit: AddNode) -> None:
-    """Add a node of a graph of the lab with its values and targets, and no connections."""
-    graph = session.lab.graphs[edit.graph].graph
-    source = Sdf.Layer.CreateAnonymous(".usda")
-    author_graph(source, graph, session.lab.platform)
-    node = f"{graph.path}/{edit.role}"
-    for attribute in source.GetPrimAtPath(node).attributes:
-        attribute.connectionPathList.ClearEdits()
-    copy_prim(session, source, node, edit.prim)
-
-
-def create_node(session: EditSession, edit: CreateNode) -> None:
-    """Add a node of a type of the platform, as the editor does."""
-    graph, _, name = edit.prim.rpartition("/")
-    node = Node(name, session.lab.platform.types[edit.type], place=(0.0, 0.0))
-    source = Sdf.Layer.CreateAnonymous(".usda")
-    author_nodes(source, Graph(graph, {name: node}), session.lab.platform)
-    copy_prim(session, source, edit.prim, edit.prim)
-
-
-def write_graph(session: EditSession, edit: WriteGraph) -> None:
-    """Add an Action Graph with the parents that it lacks, or nodes to one that is there.
-
-    All that is new says in its custom data which recipe brought it, so that it can be removed.
+    What a recipe brings says so in its custom data, so that it can be removed.
     """
     source = Sdf.Layer.CreateAnonymous(".usda")
-    author = author_nodes if edit.into else author_graph
-    author(source, edit.graph, session.lab.platform)
-    if edit.into:
-        for role in edit.graph.nodes:
-            _mark(source.GetPrimAtPath(f"{edit.prim}/{role}"), edit.kind)
-            copy_prim(session, source, f"{edit.prim}/{role}", f"{edit.prim}/{role}")
-        return
+    author_graph(source, edit, session.platform)
     _mark(source.GetPrimAtPath(edit.prim), edit.kind)
     above = list(Sdf.Path(edit.prim).GetParentPath().GetPrefixes())
     missing = [path for path in above if not session.stage.GetPrimAtPath(path)]
     copy_prim(session, source, edit.prim, edit.prim)
-    for role in edit.graph.nodes:  # which may stand where nodes stood that were removed
-        session.touch(session.prim_layer(edit.prim), f"{edit.prim}/{role}")
+    for node in edit.nodes:  # which may stand where nodes stood that were removed
+        session.touch(session.prim_layer(edit.prim), node.prim)
     for path in missing:
         for layer in session.layers():
             spec = layer.GetPrimAtPath(path)
@@ -289,8 +251,17 @@ def write_graph(session: EditSession, edit: WriteGraph) -> None:
                 _mark(spec, edit.kind)
 
 
+def add_node(session: EditSession, edit: AddNode) -> None:
+    """Add a node to a graph that is there."""
+    source = Sdf.Layer.CreateAnonymous(".usda")
+    author_node(source, edit, session.platform)
+    _mark(source.GetPrimAtPath(edit.prim), edit.kind)
+    copy_prim(session, source, edit.prim, edit.prim)
+
+
 def _mark(spec: Sdf.PrimSpec, kind: str) -> None:
-    spec.SetInfo("customData", {MARK: kind})
+    if kind:
+        spec.SetInfo("customData", {MARK: kind})
 
 
 def copy_prim(session: EditSession, source: Sdf.Layer, path: str, to: str) -> None:

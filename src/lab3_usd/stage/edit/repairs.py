@@ -18,7 +18,6 @@ from lab3_usd.stage.edit.prim_edits import (
     clear_value,
     connect_input,
     copy_prim,
-    create_node,
     drop_prim,
     move_prim,
     remove_prim,
@@ -28,11 +27,9 @@ from lab3_usd.stage.edit.prim_edits import (
     set_targets,
     set_type,
     set_typed,
-    write_graph,
 )
-from lab3_usd.stage.edit.session import EditSession
+from lab3_usd.stage.edit.session import NEEDS_STARTER, EditSession
 
-NEEDS_STARTER = "needs the starter: name it with --starter"
 _POSE = "xformOp"
 _ORDER = "xformOpOrder"
 _WHOLE = ("active", "apiSchemas")
@@ -151,7 +148,7 @@ def _restore_whole_pose(session: EditSession, path: str) -> None:
 
 def _restore_prim(session: EditSession, path: str) -> None:
     """Restore a prim, what is missing below it, and the prims that should name it."""
-    expected, graph_type = session.reference().GetPrimAtPath(path), session.lab.platform.graph.type
+    expected, graph_type = session.reference().GetPrimAtPath(path), session.platform.graph.type
     if expected is None:
         return
     if not session.stands(path):
@@ -251,8 +248,6 @@ _EDITORS: Mapping[type, Callable[[EditSession, Any], None]] = {
     changes.SetType: set_type,
     changes.Restore: restore,
     changes.AddNode: add_node,
-    changes.CreateNode: create_node,
-    changes.WriteGraph: write_graph,
     changes.AddGraph: add_graph,
     changes.RemovePrim: remove_prim,
     changes.DropPrim: drop_prim,

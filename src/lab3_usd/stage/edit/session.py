@@ -13,11 +13,14 @@ from typing import Any
 from msgspec import Struct, field
 from pxr import Sdf, Tf, Usd
 
+from lab3_usd.errors import StageError
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.spec.lab import STARTER, Checkpoint, Lab, articulated_at_roots
 from lab3_usd.stage.write.builder import checkpoint_layer, described_layer
 from lab3_usd.stage.write.starter import robots_articulated_at_root
 
+NEEDS_STARTER = "needs the starter: name it with --starter"
 # The fields of a prim that edits change, beside its specifier.
 _FIELDS = ("typeName", "active", "apiSchemas")
 _OFFSETS = "subLayerOffsets"  # which usd-core cannot hand to Python
@@ -175,45 +178,72 @@ class EditedLayer(Struct, eq=False):
                     del (spec.nameParent or self.layer.pseudoRoot).nameChildren[spec.name]
 
 
-class EditSession(Struct, eq=False):
-    """An open stage under repair; with `root_only` no layer but the root is edited.
+class Reference(Struct, eq=False):
+    """A checkpoint as its lab builds it from the starter, made when it is first asked for.
 
-    With `by_prim`, of each layer only the prims that are edited are kept and put back: the edits
-    change a prim and its properties, and add none that has more than that.
+    Without a starter, given or described by the lab, it is what the lab says by itself.
     """
 
-    stage: Usd.Stage
     lab: Lab
     checkpoint: Checkpoint
-    root_only: bool = False
     starter: str | None = None
-    by_prim: bool = False
-    edited: dict[str, EditedLayer] = field(default_factory=dict)
-    _reference: list[Usd.Stage] = field(default_factory=list)
+    _made: list[Usd.Stage] = field(default_factory=list)
 
     @property
     def has_starter(self) -> bool:
         """Whether there is a starter, given or described by the lab."""
         return self.starter is not None or (self.lab.folder / STARTER).is_file()
 
-    def reference(self) -> Sdf.Layer:
-        """Return the checkpoint as the lab builds it from the starter, made when first asked.
+    def beside(self, stage: Usd.Stage) -> Usd.Stage:
+        """Return the checkpoint composed, with the robots of a stage articulated as they are."""
+        if not self._made:
+            if self.has_starter:
+                layer = checkpoint_layer(self.lab, self.starter, self.checkpoint)
+            else:
+                at_root = robots_articulated_at_root(self.lab, stage)
+                lab = articulated_at_roots(self.lab, at_root)
+                layer = described_layer(lab, self.checkpoint)
+            self._made.append(Usd.Stage.Open(layer))
+        return self._made[0]
 
-        Without a starter it is what the lab says by itself.
+
+class EditSession(Struct, eq=False):
+    """An open stage under repair; with `root_only` no layer but the root is edited.
+
+    With `by_prim`, of each layer only the prims that are edited are kept and put back: the edits
+    change a prim and its properties, and add none that has more than that. `right` is what parts
+    of the stage are restored to, None where nothing says it.
+    """
+
+    stage: Usd.Stage
+    platform: Platform
+    right: Reference | None = None
+    root_only: bool = False
+    by_prim: bool = False
+    edited: dict[str, EditedLayer] = field(default_factory=dict)
+
+    @property
+    def has_starter(self) -> bool:
+        """Whether there is a starter, given or described by a lab."""
+        return self.right is not None and self.right.has_starter
+
+    def reference(self) -> Sdf.Layer:
+        """Return what parts of the stage are restored to.
+
+        Raises:
+            StageError: nothing says it.
         """
         return self.reference_stage().GetRootLayer()
 
     def reference_stage(self) -> Usd.Stage:
-        """Return that checkpoint composed."""
-        if not self._reference:
-            if self.has_starter:
-                layer = checkpoint_layer(self.lab, self.starter, self.checkpoint)
-            else:
-                at_root = robots_articulated_at_root(self.lab, self.stage)
-                lab = articulated_at_roots(self.lab, at_root)
-                layer = described_layer(lab, self.checkpoint)
-            self._reference.append(Usd.Stage.Open(layer))
-        return self._reference[0]
+        """Return that composed.
+
+        Raises:
+            StageError: nothing says it.
+        """
+        if self.right is None:
+            raise StageError(NEEDS_STARTER)
+        return self.right.beside(self.stage)
 
     def layers(self) -> list[Sdf.Layer]:
         """Return the layers that may be edited, the strongest first."""

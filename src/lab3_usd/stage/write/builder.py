@@ -14,6 +14,7 @@ from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
 from lab3_usd.errors import Lab3Error, NoRoomError, StageError, UsageError, unwritten
 from lab3_usd.facts.frame_targets import NAME_OVERRIDE
 from lab3_usd.files import make_folder, temporary_beside
+from lab3_usd.model.changes import AddGraph
 from lab3_usd.model.physics import MASS
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
@@ -205,7 +206,7 @@ def _checkpoint_layers(
                 former = layer.GetPrimAtPath(path)
                 if name not in checkpoint.new and former is not None:
                     del former.nameParent.nameChildren[former.name]
-                author_graph(layer, graphs[name].graph, lab.platform)
+                author_graph(layer, AddGraph.of(graphs[name].graph), lab.platform)
                 _author_names(layer, lab, path)
         _author_props(layer, lab, checkpoint)
         if not checkpoint.optional:

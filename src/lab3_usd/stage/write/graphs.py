@@ -7,10 +7,11 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd
 
-from lab3_usd.isaac.graph import Graph, Node
-from lab3_usd.isaac.node_types import Port
+from lab3_usd.isaac.graph import with_message
+from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.changes import AddGraph, AddNode
 from lab3_usd.spec.scene import PoseSpec, SensorSpec
 
 # How Kit marks ports (isaac facts: serialization, sections 4, 5 and 7).
@@ -23,13 +24,13 @@ PARENT = "Scope"
 _DIGITS = 12  # sines differ in the last bits between machines, and that of 180 degrees is not 0
 
 
-def author_graph(layer: Sdf.Layer, graph: Graph, platform: Platform) -> None:
+def author_graph(layer: Sdf.Layer, graph: AddGraph, platform: Platform) -> None:
     """Define the graph with all its nodes, ports, values, targets and wires.
 
     Ancestors that the layer does not hold become `over`s. Values are authored where the graph has
     one, and nowhere else.
     """
-    prim = _define_prim(layer, graph.path, platform.graph.type)
+    prim = _define_prim(layer, graph.prim, platform.graph.type)
     for attribute in platform.graph.attributes:
         _declare(prim, attribute.name, attribute.usd_type, attribute.value, custom=False)
     for variable in graph.variables:
@@ -37,17 +38,12 @@ def author_graph(layer: Sdf.Layer, graph: Graph, platform: Platform) -> None:
             prim, variable.attribute, variable.usd_type, variable.value, custom=True
         )
         declared.displayName = variable.name
-    author_nodes(layer, graph, platform)
-
-
-def author_nodes(layer: Sdf.Layer, graph: Graph, platform: Platform) -> None:
-    """Define the nodes of a graph and their wires, below whatever stands at its path."""
-    for node in graph.nodes.values():
-        _author_node(layer, graph, node, platform)
+    for node in graph.nodes:
+        author_node(layer, node, platform)
     for wire in graph.wires:
-        target = Sdf.Path(f"{graph.path}/{wire.target.role}").AppendProperty(wire.target.port)
-        source = Sdf.Path(f"{graph.path}/{wire.source.role}").AppendProperty(wire.source.port)
-        layer.GetAttributeAtPath(target).connectionPathList.prependedItems.append(source)
+        fed = layer.GetAttributeAtPath(f"{wire.prim}.{wire.property}")
+        for source in wire.sources:
+            fed.connectionPathList.prependedItems.append(Sdf.Path(source))
 
 
 def define_parents(layer: Sdf.Layer, stage: Usd.Stage, path: str) -> None:
@@ -90,19 +86,25 @@ def _prepend_apis(prim: Sdf.PrimSpec, apis: list[str]) -> None:
     prim.SetInfo("apiSchemas", Sdf.TokenListOp.Create(prependedItems=apis))
 
 
-def _author_node(layer: Sdf.Layer, graph: Graph, node: Node, platform: Platform) -> None:
-    prim = _define_prim(layer, f"{graph.path}/{node.role}", platform.graph.node_type)
+def author_node(layer: Sdf.Layer, node: AddNode, platform: Platform) -> None:
+    """Define a node with its ports, values and targets, below whatever stands at its graph."""
+    values, targets = dict(node.values), dict(node.targets)
+    kind = with_message(
+        platform.types[node.type],
+        {name.removeprefix(INPUT): value for name, value in values.items()},
+    )
+    prim = _define_prim(layer, node.prim, platform.graph.node_type)
     _prepend_apis(prim, [platform.graph.gui_api])
-    _declare(prim, "node:type", "token", node.type.type, custom=False)
-    _declare(prim, "node:typeVersion", "int", node.type.version, custom=False)
-    for port in node.type.ports.values():
-        _author_port(prim, port, node.values.get(port.name), node.targets.get(port.name, ()))
+    _declare(prim, "node:type", "token", kind.type, custom=False)
+    _declare(prim, "node:typeVersion", "int", kind.version, custom=False)
+    for port in kind.ports.values():
+        _author_port(prim, port, values.get(port.name), targets.get(port.name, ()))
     for name in node.added:
-        added = node.type.port(name)
-        if added is not None and node.type.dynamic is not None:
+        added = kind.port(name)
+        if added is not None and kind.dynamic is not None:
             _author_port(prim, added, None, ())
             # A port added by hand says which types it takes, as the editor has it.
-            types = node.type.dynamic.metadata
+            types = kind.dynamic.metadata
             data = {"ExtendedAttributeType": types, "omni": {"graph": {"attrType": types}}}
             prim.attributes[name].SetInfo("customData", data)
     _declare_uniform(prim, _EXPANSION, "token", "open")

@@ -1,21 +1,19 @@
-"""What of a planned graph a stage has already, and who does the same there."""
+"""How far a stage has a planned graph, and which nodes a graph of it lacks of one."""
 
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping
 
 from msgspec import Struct
+from msgspec.structs import replace
 
-from lab3_usd.facts.articulations import articulations, commands, named_joints
-from lab3_usd.facts.domains import may_meet
-from lab3_usd.facts.endpoints import endpoints
+from lab3_usd.facts.articulations import articulations
 from lab3_usd.facts.execution_order import event_of, live_nodes, run_states
-from lab3_usd.facts.frames import all_edges
 from lab3_usd.facts.reaching_values import effective_value
-from lab3_usd.isaac.graph import Graph
+from lab3_usd.isaac.graph import Graph, PortRef, placed
 from lab3_usd.isaac.graph import Node as Planned
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.isaac.topics import TRANSFORMS, resolved_topic
+from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
 
@@ -151,55 +149,82 @@ def _shown(value: Value | None) -> str:
     return f"{value:g}" if isinstance(value, float) else "unset" if value is None else str(value)
 
 
-class Rival(Struct, frozen=True):
-    """A node that does already what a new one would: what, in words, and its path."""
-
-    what: str
-    path: str
-    new: str
-
-
-def rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
-    """Yield who does already what the new nodes of a stage do, each by its path."""
-    yield from _topic_rivals(new, stage)
-    yield from _frame_rivals(new, stage)
-    yield from _joint_rivals(new, stage)
-
-
-def _topic_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
-    sent = [end for end in endpoints(stage) if end.direction == "publishes" and end.topic]
-    for own in sent:
-        if own.node.path not in new or own.type == TRANSFORMS:
-            continue
-        for other in sent:
-            is_other = other.node.path not in new and other.topic == own.topic and other.runs
-            if is_other and may_meet(own.domain, other.domain):
-                yield Rival(f"publishes {own.topic} already", other.node.path, own.node.path)
-
-
-def _frame_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
-    edges = all_edges(stage)
-    for own in edges:
-        if own.publisher not in new:
-            continue
-        for other in edges:
-            is_other = other.publisher not in new and other.topic == own.topic
-            if is_other and other.child == own.child and may_meet(own.domain, other.domain):
-                yield Rival(
-                    f"sends the frame {own.child} already, below {other.parent}",
-                    other.publisher,
-                    own.publisher,
-                )
+def extension(graph: Graph, shared: frozenset[str], own: Likeness, model: StageModel) -> Graph:
+    """Return the nodes that a graph of the stage lacks, wired to those that it has."""
+    names = {
+        role: node.name
+        for role, node in own.node_of.items()
+        if role in shared and _serves(role, graph, own, model)
+    }
+    there = {n.name for g in model.graphs if g.path == own.path for n in g.nodes}
+    there |= {
+        prim.path.rpartition("/")[2]
+        for g in model.graphs
+        if g.path == own.path
+        for prim in g.absent
+    }
+    renamed = dict(names)
+    for role in graph.nodes:
+        if role not in names:
+            renamed[role] = _free(role, {*there, *renamed.values()})
+    nodes = {
+        renamed[role]: replace(node, role=renamed[role])
+        for role, node in graph.nodes.items()
+        if role not in names
+    }
+    wires = tuple(
+        replace(
+            wire,
+            source=PortRef(renamed[wire.source.role], wire.source.port),
+            target=PortRef(renamed[wire.target.role], wire.target.port),
+        )
+        for wire in graph.wires
+        if wire.target.role not in names
+    )
+    places = _below(placed(nodes, wires), own, model)
+    return Graph(
+        own.path, {role: replace(n, place=places[role]) for role, n in nodes.items()}, wires
+    )
 
 
-def _joint_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
-    found = [(command, named_joints(command, stage)) for command in commands(stage)]
-    for own, names in found:
-        if own.node.path not in new or not names:
-            continue
-        for other, others in found:
-            if other.node.path in new or not others or not set(own.roots) & set(other.roots):
-                continue
-            shared = [name for name in names if name in others]
-            if shared:
-                yield Rival(f"commands {', '.join(shared)} already", other.node.path, own.node.path)
+def _below(
+    places: dict[str, tuple[float, float]], own: Likeness, model: StageModel
+) -> dict[str, tuple[float, float]]:
+    """Return places below all that a graph has already in the graph editor."""
+    graph = next(found for found in model.graphs if found.path == own.path)
+    lowest = max((node.position[1] for node in graph.nodes if node.position), default=-_ROW)
+    return {role: (x, y + lowest + _ROW) for role, (x, y) in places.items()}
+
+
+_ROW = 200.0  # units of the graph editor
+
+
+def _serves(role: str, graph: Graph, own: Likeness, model: StageModel) -> bool:
+    """Whether a node of a graph does what is planned for a role, with all that feeds it."""
+    part = _upstream(role, graph)
+    there = next(found for found in model.graphs if found.path == own.path)
+    alone = likeness(part, there, model)
+    return alone.is_same and alone.node_of.get(role) is own.node_of[role]
+
+
+def _upstream(role: str, graph: Graph) -> Graph:
+    roles = {role}
+    waiting = [role]
+    while waiting:
+        target = waiting.pop()
+        for wire in graph.wires:
+            if wire.target.role == target and wire.source.role not in roles:
+                roles.add(wire.source.role)
+                waiting.append(wire.source.role)
+    nodes = {name: node for name, node in graph.nodes.items() if name in roles}
+    wires = tuple(w for w in graph.wires if {w.source.role, w.target.role} <= roles)
+    return Graph(graph.path, nodes, wires)
+
+
+def _free(name: str, taken: set[str]) -> str:
+    number = 1
+    free = name
+    while free in taken:
+        free = f"{name}_{number:02}"
+        number += 1
+    return free
