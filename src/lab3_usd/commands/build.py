@@ -11,22 +11,16 @@ from lab3_usd.commands.shared.options import (
     checkpoint_number,
     complete_checkpoints,
     echo,
+    written_folder,
 )
-from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
+from lab3_usd.commands.shared.paths import Input, refuse_inputs
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_FOUND
 
 
 @click.command("build")
 @click.argument("starter", required=False, type=Input(path_type=Path))
-@click.option(
-    "--output",
-    "-o",
-    "folder",
-    required=True,
-    type=OutputFolder(path_type=Path),
-    help="Folder for the checkpoint files; created if it does not exist.",
-)
+@written_folder("Folder for the checkpoint files; created if it does not exist.")
 @click.option(
     "--through",
     metavar="NN",
@@ -48,7 +42,6 @@ from lab3_usd.errors import EXIT_FOUND
     metavar="URL",
     help="Reference this lidar asset, as the Create menu does, instead of describing one.",
 )
-@click.option("--force", is_flag=True, help="Replace existing checkpoint files.")
 def command(
     starter: Path | None,
     folder: Path,

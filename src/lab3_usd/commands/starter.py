@@ -6,20 +6,11 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import echo
-from lab3_usd.commands.shared.paths import OutputFile
+from lab3_usd.commands.shared.options import echo, written_file
 
 
 @click.command("starter")
-@click.option(
-    "--output",
-    "-o",
-    "target",
-    required=True,
-    type=OutputFile(path_type=Path, dir_okay=False),
-    help="The stage to write; its name ends in .usda.",
-)
-@click.option("--force", is_flag=True, help="Replace a file that exists.")
+@written_file("target", "The stage to write; its name ends in .usda.")
 def command(target: Path, *, force: bool) -> None:
     """Write the starter scene of the lab, as its starter.yaml describes it.
 

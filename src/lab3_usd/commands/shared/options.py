@@ -13,7 +13,13 @@ import click
 from click.core import ParameterSource
 from msgspec import Struct
 
-from lab3_usd.commands.shared.paths import AssetFolder, Input, OutputBaseline, OutputFile
+from lab3_usd.commands.shared.paths import (
+    AssetFolder,
+    Input,
+    OutputBaseline,
+    OutputFile,
+    OutputFolder,
+)
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
 
@@ -306,18 +312,22 @@ text_or_json: Option = click.option(
 )
 
 
-# Where a command writes its script, and whether it replaces a file.
-script_options = all_of(
-    click.option(
-        "--output",
-        "-o",
-        "script",
-        required=True,
-        type=OutputFile(path_type=Path, dir_okay=False),
-        help="Where to write the script.",
-    ),
-    click.option("--force", is_flag=True, help="Replace a file that exists."),
-)
+def written_file(name: str, what: str) -> Option:
+    """Return the options of a command that writes one file: where, and whether it replaces one."""
+    kind = OutputFile(path_type=Path, dir_okay=False)
+    return all_of(
+        click.option("--output", "-o", name, required=True, type=kind, help=what),
+        click.option("--force", is_flag=True, help="Replace a file that exists."),
+    )
+
+
+def written_folder(what: str, files: str = "files") -> Option:
+    """Return the options of a command that writes files: in which folder, and the same."""
+    kind = OutputFolder(path_type=Path)
+    return all_of(
+        click.option("--output", "-o", "folder", required=True, type=kind, help=what),
+        click.option("--force", is_flag=True, help=f"Replace {files} that exist."),
+    )
 
 
 def split_rules(values: Iterable[str]) -> tuple[str, ...]:

@@ -8,12 +8,12 @@ import click
 
 from lab3_usd.commands.shared.options import (
     echo,
-    script_options,
+    written_file,
 )
 
 
 @click.command("collect")
-@script_options
+@written_file("script", "Where to write the script.")
 def command(script: Path, *, force: bool) -> None:
     """Write the script that collects evidence from the running system.
 

@@ -22,8 +22,9 @@ from lab3_usd.commands.shared.options import (
     isaac_option,
     recorded,
     scene_option,
+    written_folder,
 )
-from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
+from lab3_usd.commands.shared.paths import Input, refuse_inputs
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.files import make_folder, refuse_existing, write_whole
@@ -51,14 +52,7 @@ class DrawOptions(Struct, frozen=True):
 
 @click.command("draw")
 @click.argument("target", metavar="FILE|GRAPH", type=Input())
-@click.option(
-    "--output",
-    "-o",
-    "folder",
-    required=True,
-    type=OutputFolder(path_type=Path),
-    help="Folder for the pictures; created if it does not exist.",
-)
+@written_folder("Folder for the pictures; created if it does not exist.", "pictures")
 @click.option(
     "--format",
     "form",
@@ -83,7 +77,6 @@ class DrawOptions(Struct, frozen=True):
     help="Colours of svg and png; auto follows the reader's system (png: light).",
 )
 @click.option("--all-ports", is_flag=True, help="Draw unused ports as well.")
-@click.option("--force", is_flag=True, help="Replace pictures that exist.")
 @scene_option
 @assets_option
 @recorded("reading", StageOptions)

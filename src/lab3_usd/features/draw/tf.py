@@ -6,50 +6,24 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.configuration import leave_broken_lab, use_config
-from lab3_usd.commands.shared.options import (
-    StageOptions,
-    assets_option,
-    echo,
-    isaac_option,
-    recorded,
-    scene_option,
-    terminal_width,
+from lab3_usd.commands.shared.options import terminal_width
+from lab3_usd.features.draw.published import (
+    PublishedOptions,
+    print_published,
+    published_options,
+    read_published,
+    write_published,
 )
-from lab3_usd.commands.shared.paths import Input, OutputFile
 
 
 @click.command("tf")
-@click.argument("stage", type=Input(path_type=Path))
-@click.option(
-    "--format",
-    "form",
-    type=click.Choice(["text", "dot", "json"]),
-    default="text",
-    show_default=True,
-    help="Format of the tree.",
+@published_options(
+    ["text", "dot", "json"],
+    "tree",
+    "Draw it with publishers and rates as view_frames",
+    "Name publisher and rate of each transform.",
 )
-@click.option(
-    "--graph",
-    "picture",
-    type=OutputFile(path_type=Path),
-    help="Draw it with publishers and rates as view_frames does, into a .svg, .png, .dot or .mmd.",
-)
-@click.option("--force", is_flag=True, help="With --graph: replace a picture that exists.")
-@scene_option
-@isaac_option
-@assets_option
-@click.option("-v", "--verbose", is_flag=True, help="Name publisher and rate of each transform.")
-@recorded("reading", StageOptions)
-def command(
-    stage: Path,
-    form: str,
-    picture: Path | None,
-    reading: StageOptions,
-    *,
-    force: bool,
-    verbose: bool,
-) -> None:
+def command(stage: Path, asked: PublishedOptions) -> None:
     """Print the TF tree that a stage publishes.
 
     The transforms are those that Isaac Sim 6.0.1 would send during Play, from all graphs of STAGE,
@@ -66,29 +40,19 @@ def command(
         published_transforms,
         trees_of,
     )
-    from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.any_stage import read_ros
     from lab3_usd.pipeline.stage import checkpoint_of
-    from lab3_usd.report.entries import coverage_line, missing_line
-    from lab3_usd.report.picture.picture_file import write_picture
     from lab3_usd.report.pictures.tf_picture import published_frames_picture
-    from lab3_usd.report.safe_text import folded, printable
     from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_dot, tree_json
-    from lab3_usd.report.topic_table import WIDTH
     from lab3_usd.spec.load.loader import load_lab
 
-    use_config(stage, reading.assets)
-    leave_broken_lab()
-    ros = read_ros(stage, reading.scene or "", reading.release or BASE)
-    _platform, model = ros.subject.platform, ros.subject.stage
+    ros, not_judged = read_published(stage, asked)
+    model = ros.subject.stage
     edges, hidden = all_edges(model), all_unresolved_frames(model)
     rates = {end.node.path: end.rate for end in endpoints(model)}
-    not_judged = printable(coverage_line(ros.coverage))
     tops = frozenset(top for heard in trees_of(edges) for top in ros.subject.tops(heard))
-    if picture is not None:
-        drawn = published_frames_picture(edges, hidden, rates, not_judged, tops)
-        write_picture(drawn, picture, force)
-        echo(picture)
+    if asked.picture is not None:
+        picture = published_frames_picture(edges, hidden, rates, not_judged, tops)
+        write_published(picture, asked.picture, force=asked.force)
         return
     sent = published_transforms(model)
     unknown = tuple(each.publisher.path for each in sent if each.edges is None)
@@ -96,11 +60,8 @@ def command(
     # What a lab leaves to others, any other stage may place.
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates, tops)
-    if form == "text":
-        lines = as_lines(tree, terminal_width(), verbose=verbose)
-        missing = printable(missing_line(asset.asset for asset in model.unresolved))
-        texts = filter(None, (not_judged, missing))
-        rest = [line for text in texts for line in folded(f"? {text}", WIDTH, rest="  ")]
-        click.echo("\n".join([*lines, *rest]))
+    if asked.form == "text":
+        lines = as_lines(tree, terminal_width(), verbose=asked.verbose)
+        print_published(lines, ros, not_judged, mark="? ")
     else:
-        click.echo(tree_dot(tree) if form == "dot" else tree_json(tree))
+        click.echo(tree_dot(tree) if asked.form == "dot" else tree_json(tree))

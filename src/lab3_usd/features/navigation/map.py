@@ -9,8 +9,8 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.shared.options import echo, recorded
-from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
+from lab3_usd.commands.shared.options import echo, recorded, written_folder
+from lab3_usd.commands.shared.paths import Input, refuse_inputs
 from lab3_usd.errors import UsageError
 from lab3_usd.files import make_folder, refuse_existing, write_whole
 
@@ -55,14 +55,7 @@ class MapOptions(Struct, frozen=True):
 
 @click.command("map")
 @click.argument("stage", type=Input(path_type=Path))
-@click.option(
-    "--output",
-    "-o",
-    "folder",
-    required=True,
-    type=OutputFolder(path_type=Path, file_okay=False),
-    help="Folder for the map's YAML and image.",
-)
+@written_folder("Folder for the map's YAML and image.")
 @click.option("--resolution", type=Metres(0.001, 100.0), metavar="M", help="Metres per cell.")
 @click.option("--origin", type=(PLACE, PLACE), metavar="X Y", help="Lower left corner, metres.")
 @click.option("--size", type=(CELLS, CELLS), metavar="W H", help="Cells across and up.")
@@ -72,7 +65,6 @@ class MapOptions(Struct, frozen=True):
 @click.option(
     "--start", type=(PLACE, PLACE), metavar="X Y", help="A free position; by default the robot's."
 )
-@click.option("--force", is_flag=True, help="Replace files that exist.")
 @recorded("area", MapOptions)
 def command(stage: Path, folder: Path, area: MapOptions, *, force: bool) -> None:
     """Make an occupancy map from the walls of a stage.

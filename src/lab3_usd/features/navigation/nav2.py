@@ -6,20 +6,12 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import echo
-from lab3_usd.commands.shared.paths import OutputFolder, refuse_inputs
+from lab3_usd.commands.shared.options import echo, written_folder
+from lab3_usd.commands.shared.paths import refuse_inputs
 
 
 @click.command("nav2")
-@click.option(
-    "--output",
-    "-o",
-    "folder",
-    required=True,
-    type=OutputFolder(path_type=Path, file_okay=False),
-    help="Folder for the files.",
-)
-@click.option("--force", is_flag=True, help="Replace files that exist.")
+@written_folder("Folder for the files.")
 def command(folder: Path, *, force: bool) -> None:
     """Write launch, parameter and RViz files for localization and navigation.
 

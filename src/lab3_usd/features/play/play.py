@@ -8,7 +8,7 @@ import click
 
 from lab3_usd.commands.shared.options import (
     echo,
-    script_options,
+    written_file,
 )
 from lab3_usd.data import program
 from lab3_usd.deliverables.nav2_templates import fill_template
@@ -63,7 +63,7 @@ def _leg_text(leg: Leg) -> str:
 
 
 @click.command("play")
-@script_options
+@written_file("script", "Where to write the script.")
 def command(script: Path, *, force: bool) -> None:
     """Write the script that plays the stages in Isaac Sim itself, and records them.
 

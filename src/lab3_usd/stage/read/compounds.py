@@ -61,6 +61,14 @@ class Compounds(Struct, frozen=True):
             found += self.behind(fed, depth - 1) if fed else (source,)
         return tuple(found)
 
+    def through(self, sources: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
+        """Return what feeds an input, or else the port of a compound whose own value does."""
+        if not any(map(self.is_port, sources)):
+            return sources, ""
+        feeding = self.behind(sources)
+        wired = tuple(source for source in feeding if not self.is_port(source))
+        return wired, "" if wired else feeding[0]
+
 
 def compounds_in(
     stage: Usd.Stage, graphs: Collection[str], types: Mapping[str, str], compound_type: str
@@ -80,41 +88,34 @@ def compounds_in(
 def opened_nodes(nodes: Iterable[Node], compounds: Compounds) -> list[Node]:
     """Return nodes without the compounds among them, wired through their ports."""
     known = {node.path: node for node in nodes}
+
+    def opened(state: PortState) -> PortState:
+        sources, port = compounds.through(state.sources)
+        if not port:
+            return state if sources == state.sources else replace(state, sources=sources)
+        path, _, name = port.rpartition(".")
+        return replace(known[path].ports.get(name, PortState(name)), name=state.name)
+
     return [
-        replace(node, ports={n: _opened(s, compounds, known) for n, s in node.ports.items()})
+        replace(node, ports={name: opened(state) for name, state in node.ports.items()})
         for node in known.values()
         if node.path not in compounds.graphs
     ]
-
-
-def _opened(state: PortState, compounds: Compounds, known: Mapping[str, Node]) -> PortState:
-    if not any(map(compounds.is_port, state.sources)):
-        return state
-    sources = compounds.behind(state.sources)
-    wired = tuple(source for source in sources if not compounds.is_port(source))
-    if wired:
-        return replace(state, sources=wired)
-    path, _, port = sources[0].rpartition(".")
-    own = known[path].ports.get(port)
-    return replace(PortState(state.name) if own is None else own, name=state.name)
 
 
 def opened_scene_nodes(nodes: Iterable[SceneNode], compounds: Compounds) -> list[SceneNode]:
     """Return nodes of a scene as `opened_nodes` does."""
     known = {node.path: node for node in nodes}
+
+    def opened(given: Input) -> Input:
+        sources, port = compounds.through(given.sources)
+        if not port:
+            return given if sources == given.sources else replace(given, sources=sources)
+        path, _, name = port.rpartition(".")
+        return known[path].inputs.get(name) or replace(given, sources=())
+
     return [
-        replace(node, inputs={n: _passed(i, compounds, known) for n, i in node.inputs.items()})
+        replace(node, inputs={name: opened(given) for name, given in node.inputs.items()})
         for node in known.values()
         if node.path not in compounds.graphs
     ]
-
-
-def _passed(given: Input, compounds: Compounds, known: Mapping[str, SceneNode]) -> Input:
-    if not any(map(compounds.is_port, given.sources)):
-        return given
-    sources = compounds.behind(given.sources)
-    wired = tuple(source for source in sources if not compounds.is_port(source))
-    if wired:
-        return replace(given, sources=wired)
-    path, _, port = sources[0].rpartition(".")
-    return known[path].inputs.get(port) or replace(given, sources=())
