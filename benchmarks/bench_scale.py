@@ -88,9 +88,12 @@ class Cost(Struct, frozen=True):
 
 
 def rovers(count: int, target: Path) -> Path:
-    """Write a stage with that many rovers, each with its graphs and in a namespace of its own."""
+    """Write a stage with that many rovers, each with its graphs and in a namespace of its own.
+
+    They stand 2 m apart.
+    """
     from foreign_robots import rover
-    from pxr import Sdf
+    from pxr import Sdf, Usd, UsdGeom
 
     source = rover().GetRootLayer()
     layer = Sdf.Layer.CreateNew(str(target))
@@ -99,6 +102,11 @@ def rovers(count: int, target: Path) -> Path:
     Sdf.CreatePrimInLayer(layer, "/Fleet").specifier = Sdf.SpecifierDef
     for number in range(count):
         Sdf.CopySpec(source, "/World", layer, f"/Fleet/R{number}")
+    stage = Usd.Stage.Open(layer)
+    apart = 2.0 / UsdGeom.GetStageMetersPerUnit(stage)
+    for number in range(count):
+        place = UsdGeom.XformCommonAPI(UsdGeom.Xform.Define(stage, f"/Fleet/R{number}"))
+        place.SetTranslate((apart * (number % 10), apart * (number // 10), 0.0))
     return _in_namespaces(layer)
 
 

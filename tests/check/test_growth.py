@@ -18,7 +18,7 @@ from typing import Any
 import pytest
 from in_process import lab3
 from pxr import Sdf, Usd
-from robot_kinds import faulty_fleet, fleet, pairs
+from robot_kinds import faulty_fleet, fleet, heap, pairs
 
 import lab3_usd
 from lab3_usd.check.checker import judge
@@ -108,6 +108,11 @@ def instances(count: int) -> Usd.Stage:
     return stage
 
 
+def heaped(count: int) -> Usd.Stage:
+    """Robots of which each is inside all others."""
+    return heap(4 * count)
+
+
 def linted(stage: Usd.Stage) -> None:
     """Read and lint a stage."""
     platform = lint_platform()
@@ -142,7 +147,7 @@ def grown(run: Callable[[int], object], few: int = FEW) -> dict[str, tuple[int, 
     }
 
 
-@pytest.mark.parametrize("make", [fleet, drives, instances])
+@pytest.mark.parametrize("make", [fleet, heaped, drives, instances])
 def test_no_function_of_lint_takes_more_for_each_robot_where_there_are_more(
     make: Callable[[int], Usd.Stage],
 ) -> None:

@@ -368,6 +368,11 @@ def fleet(count: int) -> Usd.Stage:
     return _fleet({f"robot_{number}": 3.0 * number for number in range(count)})
 
 
+def heap(count: int) -> Usd.Stage:
+    """Robots that all stand in one place, each with a node namespace of its own."""
+    return _fleet(dict.fromkeys((f"robot_{number}" for number in range(count)), 0.0))
+
+
 def faulty_fleet(count: int) -> Usd.Stage:
     """Return robots of which each has frames with a slash, and messages without a time."""
     stage = fleet(count)

@@ -6,7 +6,8 @@ into one prim that is not there are said once.
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from bisect import bisect_left
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec.structs import replace
 
@@ -27,10 +28,11 @@ def fold(findings: Iterable[Finding]) -> list[Finding]:
     for number, finding in enumerate(findings):
         for prim in dict.fromkeys(prim for prim, _ in _places(finding)):
             at.setdefault(prim, []).append(number)
+    paths = sorted(at)
     reasons = {
         number: found
         for number, finding in enumerate(findings)
-        if finding.assumes and (found := set(_reasons(number, findings, at)))
+        if finding.assumes and (found := set(_reasons(number, findings, at, paths)))
     }
     gone: set[int] = set()
     while len(gone) < len(reasons):
@@ -50,11 +52,18 @@ def _places(finding: Finding) -> Iterator[Place]:
     yield from finding.covers
 
 
-def _reasons(number: int, findings: list[Finding], at: Mapping[str, list[int]]) -> Iterator[int]:
-    """Yield the findings as grave as one that stand at a place which it assumes to be right."""
+def _reasons(
+    number: int, findings: list[Finding], at: Mapping[str, list[int]], paths: list[str]
+) -> Iterator[int]:
+    """Yield the findings as grave as one that stand at a place which it assumes to be right.
+
+    `paths` are the prims of `at`, sorted.
+    """
     finding = findings[number]
     for prim, name in finding.assumes:
-        below = (path for path in at if path.startswith(prim)) if prim.endswith("/") else (prim,)
+        below: Sequence[str] = (prim,)
+        if prim.endswith("/"):
+            below = paths[bisect_left(paths, prim) : bisect_left(paths, f"{prim[:-1]}0")]  # "/" + 1
         for other in (other for path in below for other in at.get(path, ())):
             is_as_grave = _rank(findings[other]) <= _rank(finding)
             if other != number and is_as_grave and _stands_at(findings[other], prim, name):

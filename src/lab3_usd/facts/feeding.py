@@ -15,9 +15,9 @@ from lab3_usd.facts.frames import tf2_name
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.facts.sensor_topics import frame_prims
-from lab3_usd.model.prims import Prim
+from lab3_usd.model.prims import Matrix, Prim
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
-from lab3_usd.model.transforms import decompose, distance
+from lab3_usd.model.transforms import Vector, distance
 
 _APART = 0.02  # metres between places that are two
 
@@ -111,6 +111,7 @@ def _misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
     live, bodies = live_nodes(stage), joined_bodies(stage)
     known = frame_prims(stage)
     moving: dict[tuple[str, str], set[str]] = {}  # by domain and frame: what it moves with
+    starts: dict[tuple[str, str], dict[Vector, None]] = {}  # and where it stands
     followers = {followed.node.path: followed for followed in followed_bodies(stage)}
     for end in running_endpoints(stage, "publishes") if followers else ():
         kind = end.node.type
@@ -128,18 +129,28 @@ def _misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
                 continue
             if key not in moving:
                 moving[key] = set(map(bodies.rigid_of, prims))
+                starts[key] = _starts(prims, stage)
             if bodies.rigid_of(body.path) not in moving[key]:
                 yield MisnamedPose(followed, end.node.path, name, prims[0])
-            elif away := _away(body, prims, stage):
+            elif away := _away(body, starts[key], stage):
                 yield MisnamedPose(followed, end.node.path, name, prims[0], away)
 
 
-def _away(body: Prim, paths: Iterable[str], stage: StageModel) -> float:
-    """Return how far a body stands from the nearest of some prims, 0 where one is there."""
-    others = [stage.prim(path) for path in paths]
-    if body.world is None or any(prim is None or prim.world is None for prim in others):
+def _starts(paths: Iterable[str], stage: StageModel) -> dict[Vector, None]:
+    """Return where prims stand, nothing where it is not known of one."""
+    prims = [stage.prim(path) for path in paths]
+    worlds = [prim.world for prim in prims if prim is not None and prim.world is not None]
+    return dict.fromkeys(map(_start, worlds)) if len(worlds) == len(prims) else {}
+
+
+def _start(world: Matrix) -> Vector:
+    return world[12], world[13], world[14]
+
+
+def _away(body: Prim, starts: Mapping[Vector, None], stage: StageModel) -> float:
+    """Return how far a body stands from the nearest place, 0 where one is there."""
+    start = None if body.world is None else _start(body.world)
+    if start is None or start in starts or not starts:
         return 0.0
-    start = decompose(body.world).translation
-    ends = [decompose(prim.world).translation for prim in others if prim and prim.world]
-    away = min(distance(start, end) for end in ends) * stage.meters_per_unit
+    away = min(distance(start, end) for end in starts) * stage.meters_per_unit
     return away if away > _APART else 0.0

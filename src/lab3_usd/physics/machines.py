@@ -41,6 +41,7 @@ from lab3_usd.physics.stance import (
 )
 from lab3_usd.physics.surfaces import cut, ground_of, height_at, is_mirrored, placed_surface
 from lab3_usd.physics.surroundings import LEVEL, SKIRT, STEP_UP, note_obstacles, overlaps_of
+from lab3_usd.physics.unmodelled import filters_of
 
 _NOISE = 1e-5  # metres by which a robot may be above or below the ground at the start
 _LIGHT = 1e-3  # part of the weight that is too little to hold anything
@@ -62,6 +63,7 @@ class Machines:
         self._bodies = Bodies(scene)
         self.bodies = self._bodies.prims
         self._elsewhere = of_another_scene(scene, self._bodies)
+        self.filters = tuple(filters_of(scene))
         self.solid = {
             prim.path: ground_of(prim, prim.world)
             for prim in scene.prims.values()

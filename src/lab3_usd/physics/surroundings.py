@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from typing import TYPE_CHECKING
 
 from lab3_usd.model.dry_run import AXES, Affine
@@ -85,7 +85,10 @@ def _mass(machines: Machines, body: str) -> float:
 
 
 def overlaps_of(machines: Machines, machine: Machine) -> Iterator[Overlap]:
-    """Yield what a robot is inside of where playing starts; its ground is none of that."""
+    """Yield what a robot is inside of where playing starts; its ground is none of that.
+
+    Of other robots the first one: a heap of robots is told robot by robot.
+    """
     scene, stance = machines.scene, machines.stances.get(machine.base)
     if stance is None or machine.held:
         return
@@ -96,19 +99,26 @@ def overlaps_of(machines: Machines, machine: Machine) -> Iterator[Overlap]:
     near = [solid.farthest((-x, -y, -z)) for solid in own for x, y, z in AXES]
     far = [solid.farthest(axis) for solid in own for axis in AXES]
     low, high = box_of([*near, *far])
-    blocks: list[Block | None] = []
+
+    def deep(blocks: Iterable[Block | None]) -> Iterator[Overlap]:
+        for overlap in overlaps(own, filter(None, blocks), scene.meters_per_unit):
+            if not any(filtered(machines, [overlap.own], [overlap.other])):
+                yield overlap
+
     step = start.origin[2] + STEP_UP / scene.meters_per_unit
     floors = machines.floors(machine)
+    blocks: list[Block | None] = []
     for path, surface in machines.solid.items():
         at, to = surface.box
         is_ground = path in floors and to[2] <= step
         if not is_ground and all(low[k] < to[k] and at[k] < high[k] for k in range(3)):
             blocks.append(block_of(scene.prims[path], surface))
+    yield from deep(blocks)
     for other in machines.machines:
         away = length(minus(machine.start.origin, other.start.origin))
         if other is not machine and away < AROUND / scene.meters_per_unit:
             parts = (prim for body in other.rest for prim in scene.below(body))
-            blocks += [block_of(prim) for prim in parts if has_collision(prim)]
-    for overlap in overlaps(own, filter(None, blocks), scene.meters_per_unit):
-        if not any(filtered(scene, [overlap.own], [overlap.other])):
-            yield overlap
+            inside = list(deep(block_of(prim) for prim in parts if has_collision(prim)))
+            yield from inside
+            if inside:
+                return

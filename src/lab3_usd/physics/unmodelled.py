@@ -108,7 +108,7 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
         *_uneven(own),
         *inert(machines, robot),
         *_owned(scene, [*bodies, *own, *floors]),
-        *filtered(scene, [prim.path for prim in own], [floor.path for floor in floors]),
+        *filtered(machines, [prim.path for prim in own], [floor.path for floor in floors]),
     ]
     return dict(reversed(found))  # the first of each
 
@@ -198,35 +198,44 @@ def _owned(scene: Scene, prims: list[ScenePrim]) -> Iterator[tuple[str, str]]:
             yield path, f"{_OWNER} is {owner}"
 
 
-def filtered(scene: Scene, own: list[str], floors: list[str]) -> Iterator[tuple[str, str]]:
-    """Yield what lets shapes of the robot and its ground pass through each other."""
+Covers = Callable[[str], bool]
 
-    def meets(first: Callable[[str], bool], second: Callable[[str], bool]) -> bool:
-        sides = [(any(map(covers, own)), any(map(covers, floors))) for covers in (first, second)]
-        return (sides[0][0] and sides[1][1]) or (sides[0][1] and sides[1][0])
 
+def filters_of(scene: Scene) -> Iterator[tuple[str, str, Covers, Covers]]:
+    """Yield what lets shapes pass through each other: a prim, its value, and both sides."""
     for prim in scene.prims.values():
         for target in prim.targets.get(_PAIRS, ()):
-            if meets(_below(prim.path), _below(target)):
-                yield prim.path, f"{_PAIRS} is {target}"
+            yield prim.path, f"{_PAIRS} is {target}", _below(prim.path), _below(target)
     groups = {prim.path: prim for prim in scene.prims.values() if prim.type == _GROUP}
     for path, group in groups.items():
         named = [groups[to] for to in group.targets.get(_FILTERED, ()) if to in groups]
         if group.values.get(_INVERTED) is True:
-            kept = [_members(other) for other in named]
-            if meets(_members(group), lambda at: not any(covers(at) for covers in kept)):  # noqa: B023
-                yield path, f"{_INVERTED} is True"
+            yield path, f"{_INVERTED} is True", _members(group), _outside(named)
             continue
         for other in named:
-            if meets(_members(group), _members(other)):
-                yield path, f"{_FILTERED} is {other.path}"
+            yield path, f"{_FILTERED} is {other.path}", _members(group), _members(other)
 
 
-def _below(top: str) -> Callable[[str], bool]:
+def filtered(machines: Machines, own: list[str], floors: list[str]) -> Iterator[tuple[str, str]]:
+    """Yield what lets shapes of the robot and its ground pass through each other."""
+    for path, value, *sides in machines.filters:
+        (own_first, floor_first), (own_second, floor_second) = (
+            (any(map(covers, own)), any(map(covers, floors))) for covers in sides
+        )
+        if (own_first and floor_second) or (floor_first and own_second):
+            yield path, value
+
+
+def _below(top: str) -> Covers:
     return lambda path: is_at_or_below(path, top)
 
 
-def _members(group: ScenePrim) -> Callable[[str], bool]:
+def _outside(groups: list[ScenePrim]) -> Covers:
+    kept = list(map(_members, groups))
+    return lambda path: not any(covers(path) for covers in kept)
+
+
+def _members(group: ScenePrim) -> Covers:
     """Return whether a shape is in a group; an expression could include any."""
     inside, outside = (group.targets.get(f"{_COLLIDERS}{n}", ()) for n in ("includes", "excludes"))
     every = bool(group.values.get(f"{_COLLIDERS}membershipExpression"))
