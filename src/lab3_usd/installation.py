@@ -7,6 +7,7 @@ import sys
 from collections.abc import Iterator
 from importlib.util import find_spec
 from pathlib import Path
+from typing import Any
 
 NAME = "lab3-usd"
 _EXTRA = r"extra == ['\"]([\w-]+)['\"]"
@@ -17,9 +18,13 @@ _PLAIN = r"[\w@%+=:,./\\-]+"  # what no shell of Windows takes for anything else
 def install_command(extra: str) -> str:
     """Return the command that adds the packages of an extra where this program runs.
 
-    pipx leaves `pipx_metadata.json` in the environment that it makes for a program. The
-    environments of uv have no pip.
+    pipx leaves `pipx_metadata.json` in the environment that it makes for a program, `uv tool` its
+    receipt: what else is put into that one, the next upgrade takes away. The environments of uv
+    have no pip.
     """
+    receipt = Path(sys.prefix) / "uv-receipt.toml"
+    if receipt.is_file():
+        return command_line("uv", "tool", "install", _named_in(receipt, extra))
     packages = tuple(dict.fromkeys(_packages(extra)))
     environment = Path(sys.prefix)
     if (environment / "pipx_metadata.json").is_file():
@@ -27,6 +32,26 @@ def install_command(extra: str) -> str:
     if find_spec("pip") is None:
         return command_line("uv", "pip", "install", "--python", sys.executable, *packages)
     return command_line(sys.executable, "-m", "pip", "install", *packages)
+
+
+def _named_in(receipt: Path, extra: str) -> str:
+    """Return what `uv tool install` takes for this program, the extras that it has, and one more.
+
+    Those of a source that is neither path nor repository come from a registry.
+    """
+    if sys.version_info >= (3, 11):
+        import tomllib
+    else:
+        import tomli as tomllib
+
+    asked = tomllib.loads(receipt.read_text(encoding="utf-8"))["tool"]["requirements"]
+    mine: dict[str, Any] = next((entry for entry in asked if entry["name"] == NAME), {})
+    extras = ",".join(dict.fromkeys([*mine.get("extras", ()), extra]))
+    place = next((mine[key] for key in ("directory", "path", "url", "editable") if key in mine), "")
+    if "git" in mine:
+        address, _, revision = mine["git"].partition("?rev=")
+        place = f"git+{address}{'@' if revision else ''}{revision}"
+    return f"{NAME}[{extras}] @ {place}" if place else f"{NAME}[{extras}]"
 
 
 def _packages(extra: str) -> Iterator[str]:

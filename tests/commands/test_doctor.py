@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import shutil
 import sys
 from importlib import metadata
@@ -10,6 +11,7 @@ from pathlib import Path
 import pytest
 from invoking import invoke
 from mini_lab import copied
+from places import REPOSITORY
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.features.doctor import doctor
@@ -25,6 +27,12 @@ def test_here_everything_that_is_needed_works() -> None:
     assert result.exit_code == 0
     assert states["packages"] == states["checking"] == "ok"
     assert set(states) == {"packages", "checking", *doctor.EXTRAS, "browser", "sandbox"}
+
+
+def test_the_page_of_the_installation_lists_the_extras() -> None:
+    page = (REPOSITORY / "docs/install.md").read_text()
+    rows = re.findall(r"^\| `(\w+)` \| (.+) \|$", page, re.MULTILINE)
+    assert dict(rows) == {name: purpose for name, (_, purpose) in doctor.EXTRAS.items()}
 
 
 def test_the_versions_are_those_that_are_installed() -> None:

@@ -57,6 +57,22 @@ def test_uv_names_the_python_where_there_is_no_pip(
     assert words == ["uv", "pip", "install", "--python", str(place / "python"), PNG]
 
 
+@pytest.mark.parametrize(
+    ("written", "named"),
+    [
+        ('extras = ["png"], directory = "/a b"', "lab3-usd[png,sim] @ /a b"),
+        ('git = "https://h/o/n?rev=c0ffee"', "lab3-usd[sim] @ git+https://h/o/n@c0ffee"),
+        ('specifier = ">=0.2"', "lab3-usd[sim]"),
+    ],
+)
+def test_a_tool_of_uv_is_installed_again_with_the_extras_that_it_has(
+    place: Path, written: str, named: str
+) -> None:
+    receipt = f'[tool]\nrequirements = [{{ name = "lab3-usd", {written} }}]\n'
+    (place / "uv-receipt.toml").write_text(receipt)
+    assert shlex.split(install_command("sim")) == ["uv", "tool", "install", named]
+
+
 @pytest.mark.usefixtures("place")
 def test_an_extra_brings_the_extras_that_it_needs() -> None:
     assert shlex.split(install_command("live"))[4:] == [*SIM, "cyclonedds<12,>=11.0.1"]
