@@ -9,7 +9,7 @@ from msgspec import Struct, field
 from lab3_usd.check.fold import fold
 from lab3_usd.check.lab_frames import tf_view
 from lab3_usd.check.match.diagnosis import faulty_wires
-from lab3_usd.check.match.graphs import match_all
+from lab3_usd.check.match.graphs import match_all, with_literals
 from lab3_usd.check.match.rule_inputs import GraphSubject, JudgedStage, LintSubject, StageSubject
 from lab3_usd.check.message_suffixes import with_named_nodes
 from lab3_usd.check.registry import Scope, import_rules, own_rules, rules_of
@@ -158,19 +158,19 @@ def _graph_subjects(
     relocations = sensor_relocations(lab, stage)
     specs = {name: relocated_spec(spec, relocations) for name, spec in lab.graphs.items()}
     matched = match_all(specs, stage, lab.platform.scripts)
-    roles = {name: matched[name] for name in checkpoint.graphs}
     for name in checkpoint.graphs:
+        spec, roles = with_literals(specs[name], matched[name])
         yield GraphSubject(
             lab=lab,
             checkpoint=checkpoint,
-            spec=specs[name],
-            roles=roles[name],
+            spec=spec,
+            roles=roles,
             stage=stage,
             live_nodes=live,
             matched=tuple(
-                (node, spec)
-                for role, spec in specs[name].nodes.items()
-                if (node := roles[name].node_of[role]) is not None
+                (node, asked)
+                for role, asked in spec.nodes.items()
+                if (node := roles.node_of[role]) is not None
             ),
-            wire_faults=faulty_wires(specs[name], roles[name], live),
+            wire_faults=faulty_wires(spec, roles, live),
         )

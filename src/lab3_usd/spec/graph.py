@@ -57,6 +57,7 @@ class NodeSpec(Struct, frozen=True):
     `frames_from` the relationships that are judged by the TF frames they give. `at` is the
     position in the graph editor, in its own units; `since` the checkpoint that adds the node to its
     graph, '' for that of the graph. `until` holds what it has up to checkpoints, in their order.
+    What a `literal` one holds may be typed where its wires end.
     """
 
     role: str
@@ -70,6 +71,7 @@ class NodeSpec(Struct, frozen=True):
     frames_from: tuple[str, ...] = ()
     since: str = ""
     until: Mapping[str, EarlierValues] = {}
+    literal: bool = False
 
     @property
     def node(self) -> Node:
@@ -98,7 +100,10 @@ class Wire(Connection, frozen=True):
 
 
 class GraphSpec(Struct, frozen=True, dict=True):
-    """One Action Graph: its path, its nodes by role, its wires in the order of the handout."""
+    """One Action Graph: its path, its nodes by role, its wires in the order of the handout.
+
+    One that may stand `anywhere` also has any name.
+    """
 
     name: str
     path: str
@@ -108,6 +113,7 @@ class GraphSpec(Struct, frozen=True, dict=True):
     optional_wires: tuple[Wire, ...] = ()
     forbidden_wires: tuple[Wire, ...] = ()
     variables: tuple[Variable, ...] = ()
+    anywhere: bool = False
 
     @property
     def graph(self) -> Graph:
@@ -117,10 +123,11 @@ class GraphSpec(Struct, frozen=True, dict=True):
 
     @cached_property
     def telling_types(self) -> frozenset[str]:
-        """The node types that have a part in ROS, and wires on both sides."""
+        """The node types that are fed and have a part in ROS; without ROS, all that are fed."""
         fed = {wire.target.role for wire in self.wires}
-        nodes = (node for role, node in self.nodes.items() if role in fed)
-        return frozenset(node.type.type for node in nodes if node.type.role)
+        nodes = [node for role, node in self.nodes.items() if role in fed]
+        of_ros = frozenset(node.type.type for node in nodes if node.type.role)
+        return of_ros or frozenset(node.type.type for node in nodes)
 
     @cached_property
     def wired_inputs(self) -> frozenset[tuple[str, str]]:
@@ -169,16 +176,25 @@ class GraphSpec(Struct, frozen=True, dict=True):
             ends = ((wire, {wire.source.role, wire.target.role}) for wire in wires)
             return tuple(wire for wire, both in ends if both.isdisjoint(roles))
 
-        return GraphSpec(
-            self.name,
-            self.path,
-            self.handout,
-            {role: node for role, node in self.nodes.items() if role not in roles},
-            there(self.wires),
-            there(self.optional_wires),
-            there(self.forbidden_wires),
-            self.variables,
+        return replace(
+            self,
+            nodes={role: node for role, node in self.nodes.items() if role not in roles},
+            wires=there(self.wires),
+            optional_wires=there(self.optional_wires),
+            forbidden_wires=there(self.forbidden_wires),
         )
+
+    def with_literals(self, roles: Collection[str]) -> GraphSpec:
+        """Return the graph with the values of some nodes where their wires end, in their place."""
+        nodes = dict(self.without(roles).nodes)
+        for wire in self.wires:
+            if wire.source.role in roles:
+                given = self.nodes[wire.source.role].settings
+                value = next(s.value for s in given if s.port == wire.source.port)
+                fed = nodes[wire.target.role]
+                typed = Setting(wire.target.port, value, wire.handout)
+                nodes[wire.target.role] = replace(fed, settings=(*fed.settings, typed))
+        return replace(self.without(roles), nodes=nodes)
 
     def wires_into(self, role: str) -> Iterator[Wire]:
         """Yield the wires that end at `role`."""

@@ -107,6 +107,30 @@ def match_all(specs: Specs, stage: StageModel, scripts: Scripts = NO_SCRIPTS) ->
     return matched
 
 
+def with_literals(spec: GraphSpec, roles: Roles) -> tuple[GraphSpec, Roles]:
+    """Return a spec and its roles without the literal nodes whose values are typed in the stage.
+
+    Their values are asked of the inputs where their wires would end.
+    """
+    typed = {name for name in spec.nodes if _is_typed(name, spec, roles)}
+    if not typed:
+        return spec, roles
+    left = {name: node for name, node in roles.node_of.items() if name not in typed}
+    return spec.with_literals(typed), replace(roles, node_of=left)
+
+
+def _is_typed(role: str, spec: GraphSpec, roles: Roles) -> bool:
+    """Whether a role has no node, and each input that it feeds has a value of its own."""
+    if not spec.nodes[role].literal or roles.node_of[role] is not None:
+        return False
+    fed = [wire.target for wire in spec.wires if wire.source.role == role]
+    ends = [(roles.node_of[end.role], end.port) for end in fed]
+    states = [node.ports.get(port) for node, port in ends if node is not None]
+    return len(ends) == len(states) > 0 and all(
+        state is not None and state.value is not None and not state.sources for state in states
+    )
+
+
 def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
     """Return who plays the roles of `spec` in a graph that holds others, None where it does not.
 

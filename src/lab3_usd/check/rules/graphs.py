@@ -122,7 +122,8 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
     graph, spec = subject.roles.graph, subject.spec
     # A graph moves with its sensor, and need not where the sensor alone stands elsewhere.
     right = (spec.path, subject.lab.graphs[spec.name].path)
-    if graph is not None and graph.path not in right and not subject.roles.merged_graphs:
+    is_free = spec.anywhere or bool(subject.roles.merged_graphs)
+    if graph is not None and graph.path not in right and not is_free:
         message = f"this is the graph {spec.name}, expected at {spec.path}"
         hint = f"rename the graph in the Stage panel, or drag it, to {spec.path}"
         standing = _in_the_way(subject)

@@ -59,7 +59,8 @@ class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
     `frames: true` find the frames that these give. `handout` is that of the graph unless given; a
     node without `at` is placed by its wires. `set`, `targets` and `keep` may name sections: `set:
     {B3: {domain_id: 0}}`. The checkpoint `from` adds a node, with its wires, to a graph that is
-    there already; up to those in `until` it has other values.
+    there already; up to those in `until` it has other values. What a `literal: true` constant
+    holds may be typed at the inputs that it is wired to, without the node.
     """
 
     type: str
@@ -72,6 +73,7 @@ class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
     frames_from: tuple[str, ...] = ()
     since: str = ""
     until: dict[str, EarlierEntry] = {}
+    literal: bool = False
 
     def named_ports(self) -> Iterator[str]:
         """Yield every input that the entry names, whatever for."""
@@ -98,7 +100,8 @@ class GraphFile(Struct, forbid_unknown_fields=True):
     """An Action Graph. Wires may name sections of the handout: `wires: {B4: [...]}`.
 
     `variables` are those of the graph, by name: `running: {type: bool, value: true}`. Read Variable
-    and Write Variable name them.
+    and Write Variable name them. `build` puts it at `path`; with `anywhere: true` students choose
+    place and name.
     """
 
     graph: str
@@ -109,6 +112,7 @@ class GraphFile(Struct, forbid_unknown_fields=True):
     optional_wires: _BySection = {}
     forbidden_wires: _BySection = {}
     variables: dict[str, VariableEntry] = {}
+    anywhere: bool = False
 
 
 @contextmanager
@@ -135,6 +139,7 @@ def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> Graph
     wires = _wires(content.wires, nodes, where, section)
     with _at(where):
         refuse_second_sources(wires)
+    _refuse_other_literals(nodes, wires, where)
     with _at(f"{where}: path"):
         path = checked_path(content.path)
     places = placed(nodes, wires)
@@ -153,7 +158,19 @@ def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> Graph
         variables=tuple(
             _variable(name, entry, where, section) for name, entry in content.variables.items()
         ),
+        anywhere=content.anywhere,
     )
+
+
+def _refuse_other_literals(
+    nodes: Mapping[str, NodeSpec], wires: tuple[Wire, ...], where: str
+) -> None:
+    """Refuse a literal of a node that gives something else than what is set there."""
+    for wire in wires:
+        node = nodes[wire.source.role]
+        if node.literal and all(s.port != wire.source.port for s in node.settings):
+            wrong = f"literal: {wire.source.port} is not set here, so that nobody can type it"
+            raise SpecError(f"{where}: {node.role}: {wrong}")
 
 
 def _variable(name: str, entry: VariableEntry, graph: str, section: str) -> Variable:
@@ -221,6 +238,7 @@ def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: 
         frames_from=tuple(INPUT + short for short in entry.frames_from),
         since=entry.since,
         until=until,
+        literal=entry.literal,
     )
 
 
