@@ -18,7 +18,7 @@ import click
 
 from lab3_usd import hooks
 from lab3_usd.commands.table import EXAMPLES, all_commands, command_named
-from lab3_usd.data import LAB_VARIABLE, as_called, program
+from lab3_usd.data import LAB_VARIABLE, TEAM_VARIABLE, as_called, program
 from lab3_usd.errors import (
     EXIT_CRASH,
     EXIT_INTERRUPTED,
@@ -168,6 +168,23 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
     os.environ[LAB_VARIABLE] = str(folder)
 
 
+def _use_team(context: click.Context, _option: click.Parameter, given: str | None) -> None:
+    """Name the team in the environment until the command ends."""
+    if given is None:
+        return
+    if not (given.isascii() and given.isalnum()):
+        raise UsageError(f"--team {given}: expected letters and digits")
+    before = os.environ.get(TEAM_VARIABLE)
+    os.environ[TEAM_VARIABLE] = given
+
+    def put_back() -> None:
+        del os.environ[TEAM_VARIABLE]
+        if before is not None:
+            os.environ[TEAM_VARIABLE] = before
+
+    context.call_on_close(put_back)
+
+
 def _one_name(name: str) -> str:
     """Return the name that is documented of an option which has two."""
     return "output" if name == "out" else name
@@ -194,6 +211,15 @@ def _one_name(name: str) -> str:
     callback=_use_lab,
     help="The folder that describes the lab, or a zip of it, in place of the bundled one (or set "
     "LAB3_LAB).",
+)
+@click.option(
+    "--team",
+    metavar="N",
+    is_eager=True,
+    expose_value=False,
+    callback=_use_team,
+    help="The team whose values of the lab count, in place of that in the names of files (or set "
+    "LAB3_TEAM).",
 )
 def lab3() -> None:
     """Lint, check, repair and play USD stages of robots, without Isaac Sim."""

@@ -9,6 +9,7 @@ from pathlib import Path
 PACKAGE = Path(__file__).resolve().parent
 LAB_VARIABLE = "LAB3_LAB"
 SITE = "https://OWNER.github.io/lab3-usd"  # as in pyproject.toml
+TEAM_VARIABLE = "LAB3_TEAM"
 PROGRAMS = ("lab3", "usdlab")  # the same program; the second names no lab
 _PROGRAM = rf"(?<![.\w])(_?){PROGRAMS[0]}(?!-usd|\.toml|:|\w)"
 
@@ -40,6 +41,11 @@ def own_lab() -> Path | None:
     """Return the folder of another lab that the environment names, None for the bundled one."""
     named = os.environ.get(LAB_VARIABLE, "")
     return Path(named).resolve() if named else None
+
+
+def own_team() -> str:
+    """Return the team that the environment names, whose values of the lab count; '' for none."""
+    return os.environ.get(TEAM_VARIABLE, "")
 
 
 def lab_folder() -> Path:

@@ -56,6 +56,10 @@ class UsageError(Lab3Error):
     """The command or call was given something it cannot work with."""
 
 
+class UnknownTeamError(UsageError):
+    """A lab has values by team, and nothing says which team it is, or there are none for it."""
+
+
 class AmbiguousError(UsageError):
     """Several things can be meant; `candidates` names them, and `option` chooses one."""
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
@@ -17,6 +18,7 @@ from lab3_usd.errors import SpecError
 
 # The C loader reads the platform about seven times as fast as the plain one.
 _Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
+_BRACED = re.compile(rb"[\w/]\{\w+\}")  # a placeholder, which is no mapping
 _TEXT = "tag:yaml.org,2002:str"
 _MEGABYTE = 1_000_000
 _NESTING = 50  # levels; what the lab's own files need is below ten
@@ -132,6 +134,8 @@ def _read(path: Path, content: Callable[[], bytes], load: Callable[[bytes], Any]
         rest = b"" if mark is None else b"".join(text.splitlines()[mark.line :])[mark.column :]
         if mark is not None and not rest.strip():
             problem = f"the file ends too early: close what is open, or add a value ({problem})"
+        elif mark is not None and _BRACED.search(text.splitlines()[mark.line]):
+            problem += "; a text with braces needs quotation marks"
         raise SpecError(f"{path.name}: {line}{problem}") from error
     if not isinstance(data, dict):
         raise SpecError(f"{path.name}: is not a mapping of names to values")

@@ -55,7 +55,7 @@ from lab3_usd.pipeline.entries import checkpoint_at
 from lab3_usd.pipeline.entries import find_stages as find_linted
 from lab3_usd.pipeline.stage import JudgeSettings
 from lab3_usd.report.safe_text import visible
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import named_checkpoint
 from lab3_usd.stage.read.opening import check_file
 from lab3_usd.stage.read.watched_files import used_files
@@ -157,6 +157,7 @@ def _fix(stage: Path, repair: RepairOptions, writing: WritingOptions, config: Co
         lab, number = load_lab(), repair.checkpoint
         given = None if number is None else checkpoint_number(number, lab.checkpoints)
         checkpoint = checkpoint_at(str(stage), JudgeSettings(checkpoint=given, config=config), lab)
+        lab = lab_of_team(lab, [(str(stage), checkpoint)])
         fixed = fix_stage(stage, checkpoint, lab, settings)
     if writing.diff:
         for line in diffs(fixed.files, fixed.states):

@@ -38,6 +38,7 @@ from lab3_usd.model.changes import (
 from lab3_usd.model.finding import Report, Site, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.load.loader import lab_of_team
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import (
     EditedLayer,
@@ -79,9 +80,10 @@ def text_changes(report: Report, lab: Lab, starter: str | None) -> Changes:
         if not repairs or is_script_file(result.path):  # whose repairs are the fix command's
             continue
         stage = open_stage(Path(result.path))
-        checkpoint = lab.checkpoints[result.checkpoint or lab.first]
-        right = Reference(lab.at(checkpoint.id), checkpoint, starter)
-        session = EditSession(stage, lab.platform, right)
+        number = result.checkpoint or lab.first
+        own = lab_of_team(lab, [(result.path, number)] if result.checkpoint else [])
+        right = Reference(own.at(number), own.checkpoints[number], starter)
+        session = EditSession(stage, own.platform, right)
         for site, repair in repairs.items():
             lines = tuple(_lines(session, repair, result.path))
             if lines:

@@ -27,7 +27,7 @@ from lab3_usd.pipeline.results import without_noted
 from lab3_usd.pipeline.stage import checkpoint_of
 from lab3_usd.pipeline.starter_comparison import open_against_starter, open_starter
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession, Reference
 from lab3_usd.stage.read.opening import check_file, open_stage, quiet
@@ -474,7 +474,10 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
 
 def repair_open_stage(repair: Repair, stage: Any) -> None:
     """Make the edits of a repair in the layers of a stage; no file is written."""
+    name = Path(stage.GetRootLayer().realPath).name
     lab = load_lab()
-    checkpoint = checkpoint_of(Path(stage.GetRootLayer().realPath).name, lab) or lab.first
+    checkpoint = checkpoint_of(name, lab)
+    lab = lab_of_team(lab, [(name, checkpoint)] if checkpoint else [])
+    checkpoint = checkpoint or lab.first
     right = Reference(lab.at(checkpoint), lab.checkpoints[checkpoint])
     make_edits(EditSession(stage, lab.platform, right), [repair])

@@ -37,7 +37,7 @@ from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, tool_version
 from lab3_usd.report.safe_text import safe_cell
 from lab3_usd.spec.lab import RUBRIC, Lab
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import has_teams
 
 MOST_LOST = 12  # of what costs no more points at an item: the findings name the rest
@@ -114,6 +114,7 @@ def grade_of(report: Report, lab: Lab) -> GradeSummary | None:
     findings = [finding for about in report.submissions for finding in about.findings]
     checklist = [line for about in report.submissions for line in about.checklist]
     facts = facts_of(results, rubric.required, findings, checklist)
+    lab = lab_of_team(lab, ((stage.path, stage.checkpoint) for stage in facts.stages))
     points = grade_facts(rubric, with_dry_runs(facts, lab, {}))
     return grade_sheet(rubric, points, "", "")
 

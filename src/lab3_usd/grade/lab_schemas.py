@@ -27,9 +27,9 @@ from lab3_usd.spec.load.checkpoints import CheckpointEntry, CheckpointsFile
 from lab3_usd.spec.load.graph_file import GraphFile
 from lab3_usd.spec.load.lab import RosFile, SceneFile, SubmissionFile
 from lab3_usd.spec.load.starter import PrimEntry, StarterFile
-from lab3_usd.spec.ros import Command, EvidenceKind, NavigationSpec, TopicSpec
+from lab3_usd.spec.ros import Command, EvidenceKind, NavigationSpec, SystemSpec, TopicSpec
 from lab3_usd.spec.scene import RobotSpec
-from lab3_usd.spec.submission import ChecklistSpec, Deliverable
+from lab3_usd.spec.submission import TEAM, ChecklistSpec, Deliverable
 
 FOLDER = "schemas"  # in a lab, beside its files
 GRAPH = "graph.yaml"  # stands for the file of every graph
@@ -61,6 +61,7 @@ _ENTRIES: Mapping[tuple[type, str], tuple[type, str]] = {
 # What is written otherwise than it is kept.
 _AS_WRITTEN = {
     (Command, "kind"): {"type": "string"},
+    (SystemSpec, "domain"): {"anyOf": [{"type": "integer"}, {"type": "string", "const": TEAM}]},
     (RosFile, "navigation"): {"$ref": _DEFS.format(name=NavigationSpec.__name__)},
 }
 # What a lab may leave out, as it is laid over that of the bundled lab: of a file, and of a record.

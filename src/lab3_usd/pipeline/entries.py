@@ -26,7 +26,7 @@ from lab3_usd.pipeline.results import (
 )
 from lab3_usd.pipeline.stage import JudgeSettings, checkpoint_of, judge_stage
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import lab_of_team, load_lab
 
 
 def find_stages(path: str, config: Config, *, alone: bool = True) -> Iterator[Target]:
@@ -211,6 +211,7 @@ def judge_target(settings: JudgeSettings, target: Target) -> Results:
             return (judge_stage(target.path, settings),), ()
         lab = load_lab()
         checkpoint = checkpoint_at(target.path, settings, lab)
+        lab = lab_of_team(lab, [(target.path, checkpoint)])
         result = judge_stage(target.path, settings, (lab, checkpoint))
         if lab.checkpoints[checkpoint].localization:
             from lab3_usd.pipeline.deliverables import lone_stage_notes, map_findings

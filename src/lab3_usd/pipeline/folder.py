@@ -30,7 +30,7 @@ from lab3_usd.pipeline.results import FAILED, crashed, is_stage_file
 from lab3_usd.pipeline.stage import JudgeSettings, judge_stage
 from lab3_usd.pipeline.starter_comparison import Starter, open_starter
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import named_checkpoint
 
 
@@ -89,10 +89,12 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
 
     Raises:
         StageError: the starter that was given cannot be opened.
+        UnknownTeamError: the lab has values by team, and no stage says which team it is.
     """
     lab = load_lab()
     spec = lab.submission
     listing = list_submission(folder, lab, spec)
+    lab = lab_of_team(lab, ((stage.path, number) for number, stage in listing.stages.items()))
     contents = FolderContents(folder, listing, lab, lab.ros, spec, settings.maps)
     starters = find_starters(folder, contents.listing, settings.starter, lab)
     results = dict(_results(contents, starters, settings))

@@ -24,7 +24,7 @@ from lab3_usd.pipeline.results import (
     without_ignored,
 )
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import named_checkpoint
 
 if TYPE_CHECKING:
@@ -73,11 +73,13 @@ def check_stage(
 
     The result holds every finding at its place, the requirements met and asked, and the rules
     that crashed. A file that cannot be read is a result as well, with the verdict `unreadable`.
+    A `lab` is taken as it was loaded; else values by team are those of the team in the file name.
 
     Raises:
-        UsageError: the checkpoint is unknown, or neither given nor in the file name.
+        UsageError: the checkpoint is unknown, or neither given nor in the file name; so is the
+            team, where the lab has values by team.
     """
-    lab = lab or load_lab()
+    given, lab = lab, lab or load_lab()
     number = checkpoint or checkpoint_of(Path(path).name, lab)
     if number is None:
         raise UsageError(
@@ -88,6 +90,7 @@ def check_stage(
         raise UsageError(
             f"there is no checkpoint '{number}'; known are {', '.join(lab.checkpoints)}"
         )
+    lab = given or lab_of_team(lab, [(str(path), number)])
     return judge_stage(path, JudgeSettings(), (lab, number))
 
 
@@ -199,6 +202,7 @@ def judge_open_stage(stage: Any, lab: Lab | None = None) -> RuleResults:
             return RuleResults()
         from lab3_usd.check.checker import judge
 
+        lab = lab_of_team(lab, [(file.name, number)])
         model = read_model(reopened(stage), lab.platform, str(file))
         judged = judge(lab, lab.checkpoints[number], model)
     return replace(judged, findings=ordered(judged.findings))

@@ -235,6 +235,8 @@ class Lab(Struct, frozen=True, eq=False):
 
     `scene` is what a stage holds beside its graphs; `ros` what the running system must show,
     `submission` what is handed in. `points` are what each checkpoint is worth by the lab's rubric.
+    `by_team` are the files with values that each team has for itself; they are those of `team`, ''
+    for the first one as an example.
     """
 
     folder: Path
@@ -249,6 +251,8 @@ class Lab(Struct, frozen=True, eq=False):
     handout: Handout
     scene: SceneSpec
     points: Mapping[str, float] = {}
+    by_team: tuple[str, ...] = ()
+    team: str = ""
 
     @property
     def first(self) -> str:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterator, Mapping
 from functools import lru_cache
-from typing import ClassVar
+from typing import Any, ClassVar
 
 from msgspec import Struct
 
@@ -146,9 +146,23 @@ def team_of(stem: str, name: str) -> str:
     return "" if match is None else match[1]
 
 
-def example_of(name: str) -> str:
-    """Return a name of the lab as the first team would write it."""
-    return name.replace(TEAM, "01")
+FIRST_TEAM = "01"
+
+
+def example_of(name: str, team: str = "") -> str:
+    """Return a name of the lab as a team would write it, the first one where none is named."""
+    return name.replace(TEAM, team or FIRST_TEAM)
+
+
+def of_team(data: Any, team: str) -> Any:
+    """Return what a file of the lab says for a team: a value that is `{team}` alone is a number."""
+    if isinstance(data, dict):
+        return {of_team(key, team): of_team(value, team) for key, value in data.items()}
+    if isinstance(data, list):
+        return [of_team(entry, team) for entry in data]
+    if data == TEAM and team.isdecimal():
+        return int(team)
+    return data.replace(TEAM, team) if isinstance(data, str) else data
 
 
 def _leads(files: Mapping[str, str]) -> dict[str, str]:

@@ -45,7 +45,7 @@ def isaac_script(lab: Lab, script: Path) -> str:
         program=program(),
         title=lab.title,
         script=script.name,
-        stages=[example_of(checkpoint.file) for checkpoint in lab.checkpoints.values()],
+        stages=[example_of(checkpoint.file, lab.team) for checkpoint in lab.checkpoints.values()],
         drives=drives,
         package=package.replace("/", "."),
         kind=kind,

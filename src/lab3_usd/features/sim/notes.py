@@ -14,14 +14,15 @@ from lab3_usd.model.finding import StageResult
 from lab3_usd.pipeline.results import PlayedResult, unreadable_result, with_findings
 from lab3_usd.report.behaviour.page import dry_run_summary
 from lab3_usd.sim.dry_run import dry_run
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import lab_of_team, load_lab
 
 
 def with_dry_run(result: StageResult) -> PlayedResult:
     """Return a result with a note for each bad check of a dry run; the score stays."""
     if result.verdict == "unreadable" or result.checkpoint is None:
         return PlayedResult(result)
-    run = dry_run(Path(result.path), load_lab(), result.checkpoint)
+    lab = lab_of_team(load_lab(), [(result.path, result.checkpoint)])
+    run = dry_run(Path(result.path), lab, result.checkpoint)
     if run.behaviour.verdict == "unreadable":  # by damage where no rule looks
         reason = run.behaviour.not_simulated[0].reason
         return PlayedResult(unreadable_result(result.path, result.checkpoint, reason))

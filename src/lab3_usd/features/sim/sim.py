@@ -68,7 +68,7 @@ def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> N
     from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.pipeline.any_stage import lab_in_release
     from lab3_usd.pipeline.stage import checkpoint_of
-    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.spec.load.loader import lab_of_team, load_lab
 
     use_config(stage, asked.assets)
     lab = load_lab()
@@ -76,6 +76,7 @@ def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> N
     given = asked.checkpoint
     named = checkpoint_of(stage.name, lab) or ""
     checkpoint = named if given is None else checkpoint_number(given, numbers)
+    lab = lab_of_team(lab, [(str(stage), checkpoint)] if checkpoint else [])
     topic = asked.topic or ""
     if checkpoint and topic:
         raise UsageError(f"--topic {topic}: at checkpoint {checkpoint} commands have a topic")

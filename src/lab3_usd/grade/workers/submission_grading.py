@@ -15,6 +15,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.deliverables.maps import SuppliedMap
+from lab3_usd.errors import UnknownTeamError
 from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.gradebook import write_reports
 from lab3_usd.grade.intake.archives import ArchiveError, holds_nothing
@@ -37,7 +38,7 @@ from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder
 from lab3_usd.pipeline.results import UNREADABLE, with_findings
 from lab3_usd.pipeline.starter_comparison import Starter
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import has_teams, team_of
 from lab3_usd.stage.graph_signature import files_read, graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
@@ -87,7 +88,10 @@ def grade_submission(
         return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
     if task.known and task.known == staged.digest:
         return {"status": "known", "digest": staged.digest}
-    graded = grade_staged(setup, task, staged, announce)
+    try:
+        graded = grade_staged(setup, task, staged, announce)
+    except UnknownTeamError as error:
+        return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
     if setup.with_report:
         graded["place"] = staged.folder.relative_to(scratch).as_posix()
     return graded
@@ -128,7 +132,8 @@ def grade_staged(
             judged.submission.checklist,
         )
         known = facts.crashes
-        facts = with_dry_runs(facts, setup.lab, staged.digests)
+        lab = lab_of_team(setup.lab, ((stage.path, stage.checkpoint) for stage in facts.stages))
+        facts = with_dry_runs(facts, lab, staged.digests)
         played = {path: how for path, how in facts.crashes.items() if path not in known}
         judged = _with_crashes(
             judged, {path: f"the dry run failed ({how})" for path, how in played.items()}

@@ -1,4 +1,4 @@
-"""Domains that the graphs of a lab and its system do not share, and variables they do not have."""
+"""What the graphs of a lab do not share or have: a domain, variables, a name for the team."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ from collections.abc import Iterator, Mapping
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest_name, spec_value
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import ROS, Lab
+from lab3_usd.spec.lab import CHECKPOINTS, ROS, Lab
+from lab3_usd.spec.submission import TEAM, has_teams
 
 
 def domain_faults(lab: Lab) -> Iterator[LabFault]:
@@ -44,6 +45,13 @@ def _without_context(graph: GraphSpec, places: Mapping[object, str]) -> Iterator
             message = "nothing is wired to it: the domain is that of ROS_DOMAIN_ID"
             place = next(iter(places.values()))
             yield LabFault(file_of(graph), f"{node.role}: {_CONTEXT}", message, place, "warning")
+
+
+def team_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield values by team where no name of a file says which team it is."""
+    if lab.by_team and not has_teams(lab.files):
+        message = f"no {TEAM}, so that only --team says whose values count"
+        yield LabFault(CHECKPOINTS, "files", message, lab.by_team[0], "warning")
 
 
 def variable_faults(lab: Lab) -> Iterator[LabFault]:

@@ -23,6 +23,7 @@ from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, SCENE, SUBMISSION, Lab
 from lab3_usd.spec.ros import FROM_THE_FIRST, NavigationSpec, TopicSpec
 from lab3_usd.spec.scene import stands_within
+from lab3_usd.spec.submission import example_of
 
 
 class LabFault(Struct, frozen=True):
@@ -490,7 +491,7 @@ def misspelled(lab: Lab, text: str, file: str, key: str) -> Iterator[LabFault]:
     """Yield the topics in a text that are nearly, but not quite, topics of the lab."""
     navigation = lab.ros.navigation
     known = _known_topics(lab) | set(() if navigation is None else navigation.rviz.values())
-    for name in _NAME.findall(text):
+    for name in _NAME.findall(example_of(text, lab.team)):
         meant = None if name in known else nearest_name(name, known)
         if meant:
             message = f"'{name}' is not a topic, '{meant}' is"

@@ -75,6 +75,10 @@ class CheckpointsFile(Struct, forbid_unknown_fields=True):
 
     `isaac` is the release of Isaac Sim that the course uses. `format` is the version of the form
     in which the files of the lab are written; it grows when a key gets another name or is gone.
+
+    `{team}`, in quotation marks, is also a value by team in graphs, scene, `ros.yaml` and frames:
+    `topicName: "/t{team}/scan"`, or alone a number, `domain_id: "{team}"`. The name of a stage says
+    the team, or `--team 7` before the command; `build` without it takes 01.
     """
 
     title: str

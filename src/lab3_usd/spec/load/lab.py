@@ -18,7 +18,13 @@ from lab3_usd.spec import ros
 from lab3_usd.spec.contradictions.names import graph_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, Policy
-from lab3_usd.spec.load.checkpoints import accumulate, by_ids, read_checkpoint_file, removals
+from lab3_usd.spec.load.checkpoints import (
+    CheckpointFile,
+    accumulate,
+    by_ids,
+    read_checkpoint_file,
+    removals,
+)
 from lab3_usd.spec.load.graph_file import parse_graph
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import (
@@ -32,12 +38,14 @@ from lab3_usd.spec.scene import (
     WorldSpec,
 )
 from lab3_usd.spec.submission import (
+    FIRST_TEAM,
     ChecklistSpec,
     Deliverable,
     FolderNames,
     StageFiles,
     StarterRules,
     SubmissionSpec,
+    of_team,
 )
 from lab3_usd.yaml_file import as_record, read_yaml, records
 
@@ -67,8 +75,14 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
     Raises:
         SpecError: the file is wrong; the line names the part and the key.
     """
-    folder = folder if folder is not None else lab_folder()
-    data = read_yaml(folder / ROS) if (folder / ROS).is_file() else _no_ros()
+    return _ros_spec(_ros_data(folder if folder is not None else lab_folder()))
+
+
+def _ros_data(folder: Path) -> dict[str, Any]:
+    return read_yaml(folder / ROS) if (folder / ROS).is_file() else _no_ros()
+
+
+def _ros_spec(data: Mapping[str, Any]) -> ros.RosSpec:
     content = as_record(data, RosFile, ROS)
     kinds = records(_evidence(content), ros.EvidenceKind, f"{ROS}: evidence")
     for name, kind in kinds.items():
@@ -254,15 +268,17 @@ def _usual_starter(handout: str) -> StarterRules:
     return replace(usual, handout=handout)
 
 
-def assemble_lab(folder: Path, platform_of: Callable[[Path], Platform]) -> Lab:
+def assemble_lab(folder: Path, platform_of: Callable[[Path], Platform], team: str = "") -> Lab:
     """Read every file of the lab; `platform_of` gives Isaac Sim with the node types of a folder.
+
+    Values by team are those of `team`, '' for the first one.
 
     Raises:
         SpecError: a file is missing or wrong; the line ends with its place in the file.
     """
     _refuse_no_lab(folder)
     try:
-        return _assembled(folder, platform_of(folder))
+        return _assembled(folder, platform_of(folder), team)
     except SpecError as error:
         raise located(error, folder) from error
 
@@ -281,11 +297,16 @@ def _refuse_no_lab(folder: Path) -> None:
         raise SpecError(f"{folder}: {what}; name a folder that describes a lab ({write})")
 
 
-def _assembled(folder: Path, platform: Platform) -> Lab:
-    content = read_checkpoint_file(read_yaml(folder / CHECKPOINTS))
-    files = _graph_files(folder, content.graph_names())
-    graphs = {name: _graph(name, data, platform) for name, data in files.items()}
-    scene = parse_scene(read_yaml(folder / SCENE))
+def _assembled(folder: Path, platform: Platform, team: str) -> Lab:
+    checkpoints = read_yaml(folder / CHECKPOINTS)
+    pattern = {"files": checkpoints.get("files")}  # whose place for the team is each team's
+    content = read_checkpoint_file(of_team(checkpoints, team or FIRST_TEAM) | pattern)
+    written = {f"{name}.yaml": data for name, data in _graph_files(folder, content).items()}
+    written |= {SCENE: read_yaml(folder / SCENE), ROS: _ros_data(folder)}
+    written |= {CHECKPOINTS: {key: checkpoints[key] for key in checkpoints if key not in pattern}}
+    files = {file: of_team(data, team or FIRST_TEAM) for file, data in written.items()}
+    graphs = {name: _graph(name, files[f"{name}.yaml"], platform) for name in content.graph_names()}
+    scene = parse_scene(files[SCENE])
     _refuse_other_names(content.policy, platform)
     lab = Lab(
         folder=folder,
@@ -295,10 +316,12 @@ def _assembled(folder: Path, platform: Platform) -> Lab:
         checkpoints=removals(accumulate(content, graphs, tuple(scene.sensors)), graphs, scene),
         policy=content.policy,
         frames=content.frames,
-        ros=load_ros(folder),
+        ros=_ros_spec(files[ROS]),
         submission=load_submission(folder),
         handout=content.handout,
         scene=scene,
+        by_team=tuple(file for file, data in written.items() if files[file] != data),
+        team=team,
     )
     lab = by_ids(_with_silence(_with_starter(lab)))
     return replace(lab, points=_points(folder / RUBRIC, lab))
@@ -362,9 +385,9 @@ def _with_sensors(platform: Platform, scene: SceneSpec) -> Platform:
     )
 
 
-def _graph_files(folder: Path, names: list[str]) -> dict[str, dict[str, Any]]:
+def _graph_files(folder: Path, content: CheckpointFile) -> dict[str, dict[str, Any]]:
     found = {}
-    for name in names:
+    for name in content.graph_names():
         file = f"{name}.yaml"
         if not (folder / file).is_file():
             raise SpecError(f"{CHECKPOINTS}: asks for the graph '{name}', but there is no {file}")

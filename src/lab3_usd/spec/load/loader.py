@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from functools import lru_cache
-from pathlib import Path
+from pathlib import Path, PurePath
 from typing import TYPE_CHECKING
 
-from lab3_usd.data import data_folder, own_lab
-from lab3_usd.errors import SpecError
+from lab3_usd.data import data_folder, own_lab, own_team, program
+from lab3_usd.errors import SpecError, UnknownTeamError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.load.compiled import PLATFORM, Compiled, compiled_or_loaded
 
@@ -15,17 +16,45 @@ if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
 
 
-def load_lab(folder: Path | None = None) -> Lab:
+def load_lab(folder: Path | None = None, team: str = "") -> Lab:
     """Load the lab described by the YAML files of `folder`.
 
     By default it is the folder that the environment variable `LAB3_LAB` names, else the bundled
-    one.
+    one. Values by team are those of `team`, by default the one that `LAB3_TEAM` names.
 
     Raises:
         SpecError: a file is missing or wrong; the line names file, graph, role and port.
     """
     folder = folder or own_lab()
-    return _bundled(data_folder("graphs")) if folder is None else _load(folder)
+    if folder is None:
+        return _bundled(data_folder("graphs"))
+    lab, team = _load(folder), team or own_team()
+    return _load(folder, team) if lab.by_team and team else lab
+
+
+def lab_of_team(lab: Lab, names: Iterable[tuple[str, str]]) -> Lab:
+    """Return a lab with the values of the team that names of stages say, of the first that does.
+
+    `names` are those of the files, each with its checkpoint. A lab that was loaded for a team, or
+    where all teams have the same values, is returned as it is.
+
+    Raises:
+        UnknownTeamError: no name says the team, or the lab has no values for it.
+    """
+    from lab3_usd.spec.submission import example_of, team_of
+
+    given = [(PurePath(name).stem, lab.files[checkpoint]) for name, checkpoint in names]
+    if not lab.by_team or lab.team or not given:
+        return lab
+    team = next((team for stem, file in given if (team := team_of(stem, file))), "")
+    if not team:
+        stem, file = given[0]
+        said = "" if example_of(file) == file else f", as {example_of(file)} does"
+        raise UnknownTeamError(f"{stem}: names no team{said}; {program()} --team N says it")
+    try:
+        return load_lab(lab.folder, team)
+    except SpecError as error:
+        raise UnknownTeamError(f"there are no values for the team {team}: {error}") from error
 
 
 def load_platform(folder: Path | None = None) -> Platform:
@@ -97,21 +126,21 @@ def _in_release(platform: Platform, release: str) -> Platform:
     return platform.in_release(release) if release else platform
 
 
-def assemble(folder: Path) -> Lab:
-    """Read the lab of `folder`, without holding its files against each other.
+def assemble(folder: Path, team: str = "") -> Lab:
+    """Read the lab of `folder` for a team, without holding its files against each other.
 
     Raises:
         SpecError: a file is missing or wrong; the line names file, graph, role and port.
     """
     from lab3_usd.spec.load.lab import assemble_lab
 
-    return assemble_lab(folder, _platform_of)
+    return assemble_lab(folder, _platform_of, team)
 
 
-@lru_cache(maxsize=4)
-def _load(folder: Path) -> Lab:
+@lru_cache(maxsize=16)
+def _load(folder: Path, team: str = "") -> Lab:
     from lab3_usd.spec.contradictions.references import refuse_faulty
 
-    lab = assemble(folder)
+    lab = assemble(folder, team)
     refuse_faulty(lab)
     return lab

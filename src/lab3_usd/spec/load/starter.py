@@ -9,12 +9,13 @@ from typing import Any
 from msgspec import Struct, field
 from msgspec.structs import replace
 
-from lab3_usd.data import program
+from lab3_usd.data import own_team, program
 from lab3_usd.errors import SpecError
 from lab3_usd.spec.lab import SCENE, STARTER
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.positions import located
 from lab3_usd.spec.scene import Number3, RobotSpec, StageUnits
+from lab3_usd.spec.submission import FIRST_TEAM, of_team
 from lab3_usd.yaml_file import as_record, read_yaml
 
 _Data = dict[str, Any]
@@ -112,8 +113,9 @@ def load_starter_spec(folder: Path) -> StarterSpec:
 
 
 def _starter_of(folder: Path) -> StarterSpec:
-    starter = as_record(read_yaml(folder / STARTER), StarterFile, STARTER)
-    scene = parse_scene(read_yaml(folder / SCENE))
+    team = own_team() or FIRST_TEAM
+    starter = as_record(of_team(read_yaml(folder / STARTER), team), StarterFile, STARTER)
+    scene = parse_scene(of_team(read_yaml(folder / SCENE), team))
     kinds: dict[str, _Data] = {}
     for name, kind in starter.kinds.items():
         kinds[name] = _like(kind, kinds, f"{STARTER}: kind {name}")

@@ -83,7 +83,7 @@ def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> S
         StageError: the starter cannot be opened.
     """
     path = None if starter is None else Path(starter)
-    target = Path(f"{example_of(checkpoint.file)}.usda")
+    target = Path(f"{example_of(checkpoint.file, lab.team)}.usda")
     stage = _open_starter(lab, path)
     lab = articulated_at_roots(lab, robots_articulated_at_root(lab, stage))
     # The layer would grow on to later checkpoints.
@@ -110,7 +110,7 @@ def described_layer(lab: Lab, checkpoint: Checkpoint) -> Sdf.Layer:
             if link.mass is not None:
                 over = Sdf.CreatePrimInLayer(stage.GetRootLayer(), robot.path_of(name))
                 Sdf.AttributeSpec(over, MASS, Sdf.ValueTypeNames.Float).default = link.mass
-    target = Path(f"{example_of(checkpoint.file)}.usda")
+    target = Path(f"{example_of(checkpoint.file, lab.team)}.usda")
     _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
     return layer
 
@@ -118,7 +118,9 @@ def described_layer(lab: Lab, checkpoint: Checkpoint) -> Sdf.Layer:
 def plan_files(lab: Lab, folder: Path, numbers: Sequence[str], form: str) -> dict[Path, Checkpoint]:
     """Name the file of each checkpoint in `folder`, as the handout does."""
     checkpoints = (lab.checkpoints[number] for number in numbers)
-    return {folder / f"{example_of(each.file)}{ENDINGS[form]}": each for each in checkpoints}
+    return {
+        folder / f"{example_of(each.file, lab.team)}{ENDINGS[form]}": each for each in checkpoints
+    }
 
 
 @quiet()
