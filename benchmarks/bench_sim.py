@@ -28,10 +28,11 @@ from robot_kinds import fleet
 from lab3_usd import build_checkpoint
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.any_stage import play_any
-from lab3_usd.sim.dry_run import outcome
 from lab3_usd.sim.execution.drive import Session, fixed_drive
+from lab3_usd.sim.judge.checks import asked_checks, judge
 from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.sim.lidar import sweep
+from lab3_usd.sim.outcome import Judged, behaviour_of
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.stage.read.opening import open_stage
@@ -65,7 +66,7 @@ def measured(scene: Scene, drive: Sequence[Session]) -> Figure:
     start = time.process_time()
     trial = record(scene, lab.platform, drive, expected_at(lab, lab.checkpoints[CHECKPOINT]))
     played = time.process_time()
-    outcome("stage", CHECKPOINT, trial)
+    behaviour_of([Judged("", trial, judge(trial, asked_checks(trial)))])
     done = time.process_time()
     return Figure(trial.recording.seconds, played - start, done - played)
 
@@ -103,7 +104,8 @@ def main() -> int:
         start = time.process_time()
         played = play_any(robots, load_platform(), None)
         busy = time.process_time() - start
-        right = sum(check.name == "follows" and check.verdict == "ok" for check in played.checks)
+        checks = [check for play in played.plays for check in play.checks]
+        right = sum(check.name == "follows" and check.verdict == "ok" for check in checks)
         print(f"{count} robots: {busy:.1f} s of the processor ({asked:.0f} asked), {right} follow")
         short += busy > asked or right < count
     memory = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss / KILOBYTES

@@ -30,7 +30,7 @@ def right() -> Trial:
 
 
 def test_the_built_stage_behaves(right: Trial) -> None:
-    verdicts = judge(right)
+    verdicts = judge(right, CHECKS)
     assert [verdict for verdict in verdicts if verdict.verdict != "ok"] == []
     assert [verdict.name for verdict in verdicts] == list(CHECKS)
     assert right.recording.not_simulated == {}

@@ -12,7 +12,7 @@ from scene_changes import LIDAR, Change, clear, drive, put, several
 from sensor_stages import CASES, with_values
 
 from lab3_usd.model.dry_run import Check
-from lab3_usd.sim.judge.checks import judge
+from lab3_usd.sim.judge.checks import CHECKS, judge
 
 SWAPPED: Step = {
     "swap": ["ROS_Drive/make_array.inputs:input0", "ROS_Drive/make_array.inputs:input1"]
@@ -22,7 +22,7 @@ NOWHERE = "https://nowhere.invalid/thing.usd"
 
 
 def checks(stage: Usd.Stage) -> dict[str, Check]:
-    return {check.name: check for check in judge(driven(stage, SHORT))}
+    return {check.name: check for check in judge(driven(stage, SHORT), CHECKS)}
 
 
 def faulty(stage: Usd.Stage, verdict: str = "bad") -> set[str]:
@@ -235,7 +235,7 @@ def test_a_lidar_scans_with_what_it_leaves_to_the_schema(name: str) -> None:
     stage = correct_stage("05")
     stage.GetPrimAtPath(LIDAR).RemoveProperty(f"{CORE}{name}")
     trial = driven(stage, SHORT)
-    verdicts = {check.name: check.verdict for check in judge(trial)}
+    verdicts = {check.name: check.verdict for check in judge(trial, CHECKS)}
     assert (verdicts["topics"], verdicts["scan"]) == ("ok", "ok")
     assert LIDAR not in trial.recording.assumed
 
@@ -247,14 +247,14 @@ def test_a_lidar_without_emitters_of_its_own_looks_up_and_down() -> None:
         if "emitterState" in name or "numberOf" in name:
             lidar.RemoveProperty(name)
     trial = driven(stage, SHORT)
-    assert {check.name: check.verdict for check in judge(trial)}["scan"] == "not judged"
+    assert {check.name: check.verdict for check in judge(trial, CHECKS)}["scan"] == "not judged"
     assert "elevationDeg" in trial.recording.not_simulated[LIDAR]
 
 
 @pytest.mark.parametrize("case", ["count_2_lists_1", "channel_0", "firing_rate_a_float"])
 def test_a_lidar_that_the_checker_refuses_gives_no_scan(case: str) -> None:
     trial = driven(with_values(CASES["refused"][case], correct_stage("05")), SHORT)
-    verdicts = {check.name: check.verdict for check in judge(trial)}
+    verdicts = {check.name: check.verdict for check in judge(trial, CHECKS)}
     assert (verdicts["topics"], verdicts["scan"]) == ("bad", "not judged")
 
 
@@ -277,7 +277,7 @@ def test_a_lidar_whose_rays_go_elsewhere_is_named_and_shows_no_walls(change: Cha
     stage = correct_stage("05")
     change(stage)
     trial = driven(stage, SHORT)
-    verdicts = {check.name: check.verdict for check in judge(trial)}
+    verdicts = {check.name: check.verdict for check in judge(trial, CHECKS)}
     assert (verdicts["scan"], verdicts["map"]) == ("not judged", "not judged")
     assert CORE in trial.recording.not_simulated[LIDAR]
     assert {verdicts[name] for name in ("topics", "follows", "camera")} == {"ok"}
@@ -300,7 +300,7 @@ def test_a_profile_that_scans_the_same_circle_is_played(change: Change) -> None:
     stage = correct_stage("05")
     change(stage)
     trial = driven(stage, SHORT)
-    assert {check.name: check.verdict for check in judge(trial)}["scan"] == "ok"
+    assert {check.name: check.verdict for check in judge(trial, CHECKS)}["scan"] == "ok"
     assert trial.recording.not_simulated == {}
 
 

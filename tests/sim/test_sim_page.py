@@ -18,7 +18,8 @@ from lab3_usd.model.dry_run import Behaviour, Frame
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.behaviour.map_pictures import first_moment
 from lab3_usd.report.behaviour.page import heard_edges, render, tree_lines
-from lab3_usd.sim.dry_run import DryRun, dry_run
+from lab3_usd.sim.dry_run import dry_run
+from lab3_usd.sim.outcome import DryRun
 
 BRIEF = "0.15,0,1"  # where it is of no importance how it drives
 EVIL = "<script>window.attacked=1</script>"

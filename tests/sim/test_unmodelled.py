@@ -21,7 +21,7 @@ from scene_changes import (
     with_api,
 )
 
-from lab3_usd.sim.judge.checks import judge
+from lab3_usd.sim.judge.checks import CHECKS, judge
 from lab3_usd.sim.judge.expectations import Trial
 
 BASE, WHEEL = f"{ROBOT}/base_link", f"{ROBOT}/wheel_left_link"
@@ -99,7 +99,7 @@ def played(change: Change) -> tuple[Trial, dict[str, str]]:
     stage = correct_stage("05")
     change(stage)
     trial = driven(stage, SHORT)
-    return trial, {check.name: check.verdict for check in judge(trial)}
+    return trial, {check.name: check.verdict for check in judge(trial, CHECKS)}
 
 
 @pytest.mark.parametrize(("change", "path", "name"), UNPLAYED.values(), ids=UNPLAYED)

@@ -9,7 +9,7 @@ from pxr import Usd
 
 from lab3_usd.model.dry_run import Check
 from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
-from lab3_usd.sim.judge.checks import judge
+from lab3_usd.sim.judge.checks import CHECKS, judge
 from lab3_usd.sim.judge.expectations import Expected, Trial
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_platform
@@ -80,4 +80,4 @@ def driven(
 
 
 def faults(trial: Trial) -> list[Check]:
-    return [each for each in judge(trial) if each.verdict != "ok"]
+    return [each for each in judge(trial, CHECKS) if each.verdict != "ok"]

@@ -11,10 +11,10 @@ from lab3_usd.errors import StageError
 from lab3_usd.grade.scoring import SubmissionFacts
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.commands import as_of_kind
-from lab3_usd.sim.dry_run import is_asked, scene_of, watched_body
+from lab3_usd.sim.dry_run import scene_of, watched_body
 from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
 from lab3_usd.sim.held_play import held_play
-from lab3_usd.sim.judge.checks import checks_of, why_unplayed
+from lab3_usd.sim.judge.checks import asked_checks, why_unplayed
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
 from lab3_usd.sim.judge.topics import expected_of_each
 from lab3_usd.sim.robots import drive_for, robot_of_kind
@@ -115,9 +115,7 @@ def _shown(trial: Trial, scene: Scene) -> dict[str, str]:
         return not scene.missing or trial.causes is None or not trial.causes.doubt(check, fault)
 
     shown: dict[str, str] = {}
-    for name, check in checks_of(trial).items():
-        if not is_asked(name, trial):
-            continue
+    for name, check in asked_checks(trial).items():
         faults = [fault for fault in check(trial) if is_sure(name, fault)]
         if faults and not (name == "scan" and trial.recording.assumed):
             shown |= {fault.kind: _text(fault) for fault in faults}

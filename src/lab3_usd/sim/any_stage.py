@@ -29,7 +29,7 @@ from lab3_usd.sim.execution.drive import drive_of
 from lab3_usd.sim.execution.recording import Message, Recording, Scan
 from lab3_usd.sim.execution.world import standing_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
-from lab3_usd.sim.judge.checks import graphs, verdict
+from lab3_usd.sim.judge.checks import graphs, judge, verdict
 from lab3_usd.sim.judge.expectations import (
     CheckFunction,
     Expected,
@@ -42,6 +42,7 @@ from lab3_usd.sim.judge.motion import odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL
 from lab3_usd.sim.judge.topics import clock, heard_transforms, tree
 from lab3_usd.sim.mounting import carried_streams, own_frames, pairs
+from lab3_usd.sim.outcome import Judged
 from lab3_usd.sim.own_view import kept_transforms, own_view
 from lab3_usd.sim.robots import (
     NO_LIMITS,
@@ -85,16 +86,16 @@ OVER_GROUND = ("rest", "follows", "odometry", "moving frames", "mounted", "scan"
 
 
 class Played(Struct, frozen=True):
-    """The results of a stage: its robots, a play of each (or one without any), the checks."""
+    """The results of a stage: its robots, a play of each (or one without any), the other checks."""
 
     robots: tuple[Robot, ...]
-    plays: tuple[Trial, ...]
-    checks: tuple[Check, ...]
+    plays: tuple[Judged, ...]
+    whole: tuple[Check, ...]
 
     @property
     def has_commands(self) -> bool:
         """Whether a stage has nodes that hear or give commands, and nothing was driven by them."""
-        causes = self.plays[0].causes
+        causes = self.plays[0].trial.causes
         nodes = causes.program.nodes.values() if isinstance(causes, RunCauses) else ()
         return not self.robots and any(
             node.type.drives is not None or hears_commands(node.type) for node in nodes
@@ -105,7 +106,7 @@ class Played(Struct, frozen=True):
         """Return what a stage lacks to be driven; '' if something was driven."""
         if self.robots:
             return ""
-        trial = self.plays[0]
+        trial = self.plays[0].trial
         if isinstance(trial.causes, RunCauses) and trial.causes.robot is not None:
             return "no ROS command reaches the joints of a robot"
         return "no robot was found: no bodies that joints hold together"
@@ -121,48 +122,46 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
     standing = standing_of(scene, has_ground=True)
     known = robots_of(scene, platform, topic, standing)
     robots = tuple(robot for robot in known if topic in ("", robot.commands.topic))
-    plays: list[Trial] = []
-    of_robots: list[Check] = []
+    plays: list[Judged] = []
     graphs_of = owned_graphs(known, scene)
-    names = labels(robots)
-    for number, robot in enumerate(robots or (None,)):
+    names = labels(robots) if len(robots) > 1 else [""]
+    for number, (name, robot) in enumerate(zip(names, robots or (None,), strict=True)):
         legs = drive_for(robot, scene.meters_per_unit)
         if drive is not None and (robot is None or robot.kind == TWIST):
             legs = drive_of(drive, NO_LIMITS)
         # The first play shows all topics; the others, what concerns their robot.
         shown = scene_for(robot, graphs_of, scene, platform) if robot and number else scene
         play = record(shown, platform, legs, expected_of(robot), standing)
-        plays.append(play)
+        first = plays[0].trial if number else play
         if robot is not None and robot.kind != JOINTS and scene.up != "Z":
             text = f"robots drive with Z up only, and the stage has {scene.up} up"
-            plays[0].recording.not_simulated["/"] = text
+            first.recording.not_simulated["/"] = text
             play.recording.unplayed |= dict.fromkeys(OVER_GROUND, f"not simulated: {text}")
-        if robot is not None:
-            of = names[number] if len(robots) > 1 else ""
-            found = _checks_of(robot, known, play, scene)
-            of_robots += [replace(check, of=of) for check in found]
+        found = _checks_of(robot, known, play, scene) if robot is not None else ()
+        plays.append(Judged(name, play, tuple(found)))
         if number:
             play.recording.forget_messages()
-    checks = [*_stage_checks(plays[0], known)]
+    first = plays[0].trial
+    whole = [*_stage_checks(first, known)]
     if any(rival(robot, known) for robot in robots):
-        checks.append(verdict("commands", list(commanded_once(known)), plays[0]))
-    checks += of_robots
-    failures = list(_failing(plays, checks))
+        whole.append(verdict("commands", list(commanded_once(known)), first))
+    failures = list(_failing(plays, whole))
     if failures:
-        others = [check for check in checks if check.name != "graphs"]
-        checks = [verdict("graphs", [*graphs(plays[0]), *failures], plays[0]), *others]
-    return Played(robots, tuple(plays), tuple(checks))
+        others = [check for check in whole if check.name != "graphs"]
+        whole = [verdict("graphs", [*graphs(first), *failures], first), *others]
+    return Played(robots, tuple(plays), tuple(whole))
 
 
-def _failing(plays: Sequence[Trial], checks: Sequence[Check]) -> Iterator[RunFault]:
+def _failing(plays: Sequence[Judged], whole: Sequence[Check]) -> Iterator[RunFault]:
     """Yield the nodes that fail to the end of every play, and that no check names."""
     told = {
         word
-        for check in checks
+        for check in (*whole, *(check for play in plays for check in play.checks))
         if check.verdict != "ok"
         for word in (check.prim, *check.text.replace(";", " ").split())
     }
-    causes = [play.causes for play in plays if isinstance(play.causes, RunCauses)]
+    known = [play.trial.causes for play in plays]
+    causes = [each for each in known if isinstance(each, RunCauses)]
     for path in causes[0].program.nodes if causes else ():
         running = [each.program.nodes.get(path) for each in causes]
         failures = [node.failure for node in running if node is not None]
@@ -181,6 +180,9 @@ def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene)
     if robot.reach.untold:
         named = ", ".join(f"{name} ({why})" for name, why in robot.reach.untold.items())
         play.recording.remarks.append(f"{robot.name}: not commanded on its topic: {named}")
+    if play.scrubs and not (robot.wheel_base or robot.has_rollers):
+        text = f"the wheels of {robot.name} slide in a turn: its angle is unknown"
+        play.recording.remarks.append(text)
     if robot.kind == JOINTS:
         checks = arm_checks(play, scene, robot.machine, robot.controller)
     else:
@@ -325,9 +327,7 @@ def _robot_checks(trial: Trial, robot: Robot, scene: Scene) -> Iterator[Check]:
         "scan": (placed_scan, scan_came),
         "again": (lambda seen: follows_after_replay(seen, robot), len(trial.drive) > 1),
     }
-    for name, (check, is_asked) in asked.items():
-        if is_asked:
-            yield verdict(name, list(check(trial)), trial)
+    yield from judge(trial, {name: check for name, (check, is_asked) in asked.items() if is_asked})
 
 
 def apart(trial: Trial) -> Iterator[RunFault]:

@@ -31,14 +31,14 @@ def effects_of(stage: Any, platform: Platform) -> frozenset[str]:
 
 def _published(played: Played) -> Iterator[str]:
     """Say once of each node which messages it sends; the first play shows those of all."""
-    sent = {(message.node, message.type) for message in played.plays[0].recording.messages}
+    sent = {(message.node, message.type) for message in played.plays[0].trial.recording.messages}
     yield from (f"{node} publishes {kind}" for node, kind in sent)
 
 
 def _moving(played: Played) -> Iterator[str]:
     """Say of each robot that it moves when it is commanded."""
     for robot, play in zip(played.robots, played.plays, strict=False):
-        if _moves(play):
+        if _moves(play.trial):
             yield f"{robot.controller} moves its robot"
 
 

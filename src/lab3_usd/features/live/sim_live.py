@@ -20,7 +20,7 @@ from lab3_usd.installation import install_command
 if TYPE_CHECKING:
     from lab3_usd.features.live.dds import Lived
     from lab3_usd.features.sim.additions import SimOptions
-    from lab3_usd.sim.dry_run import DryRun
+    from lab3_usd.sim.outcome import DryRun
     from lab3_usd.spec.lab import Lab
 
 LONGEST = 86400.0  # seconds

@@ -12,7 +12,7 @@ from lab3_usd.commands.shared.options import Option, all_of, made_of
 from lab3_usd.hooks import added_to
 
 if TYPE_CHECKING:
-    from lab3_usd.sim.dry_run import DryRun
+    from lab3_usd.sim.outcome import DryRun
     from lab3_usd.spec.lab import Lab
 
 

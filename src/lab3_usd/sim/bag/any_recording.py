@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from bisect import bisect_right
-from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
 from msgspec import Struct
@@ -16,40 +16,33 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import RecordingError
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.dry_run import HERE, Behaviour, Check, Unknown
 from lab3_usd.sim.any_stage import one_tree, running_clock
 from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.decoder import is_read
-from lab3_usd.sim.bag.driven import (
-    HELD,
-    STEERED,
-    follows_side,
-    leg_of_any_base,
-    legs,
-    path,
-)
+from lab3_usd.sim.bag.driven import HELD, follows_side
 from lab3_usd.sim.bag.judge import (
     GAP,
-    NO_CONTENT,
     STUCK,
+    CheckFunction,
     Recorded,
-    judged_topics,
     odometry,
+    of_recording,
+    recorded_drive,
+    recorded_run,
     running,
-    time_remarks,
+    unread,
     unreadable,
     way,
 )
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, Offered, layout_at, opened
-from lab3_usd.sim.dry_run import DryRun, driven_legs, path_rows
-from lab3_usd.sim.execution.drive import RATE, Session
+from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import JointStates, Odometry, Recording, Scan
-from lab3_usd.sim.judge.checks import verdict as verdict_of
-from lab3_usd.sim.judge.checks import whole_verdict
-from lab3_usd.sim.judge.expectations import PHYSICAL, Expected, RunFault, Trial
+from lab3_usd.sim.judge.checks import judge
+from lab3_usd.sim.judge.expectations import RunFault, Trial
 from lab3_usd.sim.judge.motion import moving_frames, rest
-from lab3_usd.sim.robots import NO_LIMITS, ODOMETRY, STEERING, TWIST, expected_of
+from lab3_usd.sim.outcome import DryRun, Judged
+from lab3_usd.sim.robots import ODOMETRY, STEERING, TWIST, expected_of
 from lab3_usd.sim.streams import CLOCK, TRANSFORMS
 
 SCAN = "sensor_msgs/msg/LaserScan"
@@ -88,50 +81,20 @@ def judge_any_recording(
         with opened(layout, bounds) as bag:
             kinds = dict(bag.topics)
         robots = robots_in(kinds, {*commanded, *_usual_commands(platform, kinds)})
-        runs = [
-            _robot_judged(layout, bounds, kinds, robot, len(robots), first=not number)
-            for number, robot in enumerate(robots)
-        ]
+        drives = [_drive_of(layout, bounds, kinds, robot) for robot in robots]
     except (RecordingError, OSError) as error:
-        reason = (Unknown("/", str(error)),)
-        name = str(recording)
-        return DryRun(Behaviour("", "", 0.0, "unreadable", not_simulated=reason, recording=name))
-    judged = [run.behaviour for run in runs]
-    several = len(judged) > 1
-    checks = tuple(
-        replace(check, of=robot.name if several and check.name not in _OF_ALL else "")
-        for robot, behaviour in zip(robots, judged, strict=True)
-        for check in behaviour.checks
-    )
-    verdict, missing = whole_verdict(checks)
-    if not judged[0].topics:
-        verdict, missing = "not judged", "nothing was recorded"
-    driven = (
-        replace(leg, name=f"{robot.name}: {leg.name}" if several else leg.name)
-        for robot, behaviour in zip(robots, judged, strict=True)
-        for leg in behaviour.legs
-    )
-    frames = dict.fromkeys(frame for behaviour in judged for frame in behaviour.frames)
-    whole = replace(
-        judged[0],
-        verdict=verdict,
-        missing=missing,
-        checks=checks,
-        frames=tuple(frames),
-        legs=tuple(driven),
-        remarks=tuple(dict.fromkeys(text for each in judged for text in each.remarks)),
-        not_simulated=tuple(Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent)),
-        recording=str(recording),
-    )
-    plays = {
-        robot.name if several else "": run.trial
-        for robot, run in zip(robots, runs, strict=True)
-        if run.trial is not None
-    }
-    return DryRun(whole, plays)
-
-
-_OF_ALL = {"messages", "rates", "clock"}
+        return unread(recording, "", error)
+    count = len(robots)
+    whole = judge(drives[0], _whole_checks(drives[0], robots[0]))
+    judged = [
+        Judged(robot.name if count > 1 else "", each, judge(each, _checks(each, robot, count)))
+        for robot, each in zip(robots, drives, strict=True)
+    ]
+    run = of_recording(recorded_run(drives, judged, whole), recording, layout)
+    if run.behaviour.topics:
+        return run
+    nothing = replace(run.behaviour, verdict="not judged", missing="nothing was recorded")
+    return replace(run, behaviour=nothing)
 
 
 def robots_in(kinds: Kinds, commanded: Collection[str]) -> tuple[RecordedRobot, ...]:
@@ -207,19 +170,20 @@ def _usual_commands(platform: Platform, kinds: Kinds) -> Iterator[str]:
     yield from (topic for topic, of in kinds if of == JOINTS and topic.split("/")[-1] in names)
 
 
-def _robot_judged(
-    layout: Layout, bounds: Bounds, kinds: Kinds, robot: RecordedRobot, robots: int, *, first: bool
-) -> DryRun:
+def _drive_of(layout: Layout, bounds: Bounds, kinds: Kinds, robot: RecordedRobot) -> Recorded:
+    """Read what concerns one robot, and return its drive."""
     clocks = sorted((topic for topic, of in kinds if of == CLOCK), key=lambda name: name.count("/"))
-    types = {topic: kind for topic, kind in kinds if is_read(kind)}
     wanted = replace(
         expected_of(None),
-        types={topic: kind for topic, kind in types.items() if topic not in layout.not_sent},
+        types={topic: kind for topic, kind in kinds if is_read(kind)},
         commands=robot.commands,
-        clock=clocks[0] if clocks else "",
+        joint_commands=robot.joint_commands,
+        clock=next(iter(clocks), ""),
         odometry=robot.odometry,
         transforms=robot.transforms,
         scan=robot.scan,
+        is_car=(robot.commands, STEERING) in kinds,
+        has_rollers=True,  # a robot that nothing is known of may go to any side
     )
     static = frozenset(
         topic
@@ -227,46 +191,28 @@ def _robot_judged(
         if kind == TRANSFORMS and _is_static(kinds[topic, kind])
         if nearest(topic, _trees(kinds)) == robot.transforms
     )
+    topics = Topics(wanted, static, "")
     with opened(layout, bounds) as bag:
-        gathered = gather(bag.messages(), bag.topics, Topics(wanted, static, ""), bounds)
-    return _behaviour(gathered, wanted, robot, robots, first=first)
-
-
-def _behaviour(
-    gathered: Gathered, wanted: Expected, robot: RecordedRobot, robots: int, *, first: bool
-) -> DryRun:
-    recording = gathered.recording
-    recording.seconds = gathered.timeline.now
+        gathered = gather(bag.messages(), bag.topics, topics, bounds)
     told = next(
-        (m for m in recording.topic(wanted.odometry, 0) if isinstance(m.data, Odometry)), None
+        (
+            message
+            for message in gathered.recording.topic(wanted.odometry, 0)
+            if isinstance(message.data, Odometry)
+        ),
+        None,
     )
     if told is not None:
-        wanted = replace(wanted, root=told.frame, base=told.data.child)
-    is_steered = (robot.commands, STEERING) in gathered.tallies
-    drive = tuple(
-        leg_of_any_base(leg, is_steered=is_steered)
-        for leg in legs(gathered.commands, gathered.seconds, NO_LIMITS)
-    )
-    recording.path = list(path(gathered.places, drive))
-    _add_wheels(recording, robot)
-    trial = Trial(recording, (Session(drive),), wanted, start=HERE, tolerance=PHYSICAL)
-    recorded = Recorded(gathered, Topics(wanted, frozenset(), ""), trial, (), "", None)
-    checks = tuple(_checks(recorded, robot, robots, first=first))
-    behaviour = Behaviour(
-        "",
-        "",
-        gathered.timeline.now,
-        "ok",
-        tuple(judged_topics(gathered)),
-        tuple(gathered.frames),
-        checks,
-        tuple(path_rows(trial)),
-        legs=tuple(leg for leg in driven_legs(trial) if leg.name != STEERED)
-        if gathered.places and gathered.commands
-        else (),
-        remarks=tuple(_remarks(gathered, robot)),
-    )
-    return DryRun(behaviour, {"": trial})
+        topics = replace(topics, wanted=replace(wanted, root=told.frame, base=told.data.child))
+    drive = recorded_drive(gathered, topics)
+    _add_wheels(drive.recording, robot)
+    if robot.commands:
+        held = f"{robot.odometry} is held against the commands on {robot.commands}"
+        drive.recording.remarks.append(held)
+    if robot.joint_commands:
+        held = f"{robot.joints} is held against the commands on {robot.joint_commands}"
+        drive.recording.remarks.append(held)
+    return drive
 
 
 def _add_wheels(recording: Recording, robot: RecordedRobot) -> None:
@@ -288,43 +234,36 @@ def _add_wheels(recording: Recording, robot: RecordedRobot) -> None:
     ]
 
 
-def _remarks(gathered: Gathered, robot: RecordedRobot) -> Iterator[str]:
-    yield from time_remarks(gathered)
-    if not (gathered.commands or robot.joint_commands):
-        yield "no command was recorded: `follows` is not judged"
-    if robot.commands:
-        yield f"{robot.odometry} is held against the commands on {robot.commands}"
-    if robot.joint_commands:
-        yield f"{robot.joints} is held against the commands on {robot.joint_commands}"
-
-
-def _checks(
-    recorded: Recorded, robot: RecordedRobot, robots: int, *, first: bool
-) -> Iterator[Check]:
-    """Yield the checks for which something came; those of all topics with the first robot."""
-    trial, gathered = recorded.trial, recorded.gathered
-    wanted = trial.wanted
-    moved = bool(gathered.commands and trial.recording.path)
-    bare = replace(trial, wanted=replace(wanted, types={}))
-    has_tree = bool(gathered.links)
-    both = wanted.odometry and has_tree and trial.recording.topic(wanted.odometry, 0)
-    asked: dict[str, tuple[Callable[[], Iterator[RunFault]], object]] = {
-        "messages": (lambda: unreadable(recorded), first),
-        "rates": (lambda: advancing(gathered, robot), first),
-        "clock": (lambda: _clock(recorded), first and wanted.clock),
-        "tree": (lambda: _tree(bare, robots), has_tree),
-        "frames": (lambda: frames(gathered), has_tree),
-        "rest": (lambda: rest(trial), moved),
-        "follows": (lambda: follows_side(trial), moved),
-        "way": (lambda: way(recorded), moved),
-        "odometry": (lambda: odometry(recorded), moved),
-        "moving frames": (lambda: moving_frames(trial), both),
-        "scan": (lambda: returns(trial), wanted.scan),
-        "joints": (lambda: joints(trial, robot), robot.joint_commands and robot.joints),
+def _whole_checks(recorded: Recorded, robot: RecordedRobot) -> dict[str, CheckFunction]:
+    """Return the checks of all topics."""
+    checks: dict[str, CheckFunction] = {
+        "messages": unreadable,
+        "rates": lambda seen: advancing(seen.gathered, robot),
     }
-    for name, (check, is_asked) in asked.items():
-        if is_asked:
-            yield verdict_of(name, list(check()), trial)
+    return {**checks, "clock": _clock} if recorded.wanted.clock else checks
+
+
+def _checks(recorded: Recorded, robot: RecordedRobot, robots: int) -> dict[str, CheckFunction]:
+    """Return the checks of a robot for which something came."""
+    wanted, gathered = recorded.wanted, recorded.gathered
+    moved = bool(gathered.commands and recorded.recording.path)
+    has_tree = bool(gathered.links)
+    both = wanted.odometry and has_tree and recorded.recording.topic(wanted.odometry, 0)
+    asked: dict[str, tuple[CheckFunction, object]] = {
+        "tree": (lambda seen: _tree(seen, robots), has_tree),
+        "frames": (frames, has_tree),
+        "rest": (rest, moved),
+        "follows": (follows_side, moved),
+        "way": (way, moved),
+        "odometry": (odometry, moved),
+        "moving frames": (moving_frames, both),
+        "scan": (returns, wanted.scan),
+        "joints": (
+            lambda seen: joints(seen, robot),
+            robot.joint_commands and robot.joints,
+        ),
+    }
+    return {name: check for name, (check, is_asked) in asked.items() if is_asked}
 
 
 def advancing(gathered: Gathered, robot: RecordedRobot) -> Iterator[RunFault]:
@@ -338,19 +277,21 @@ def advancing(gathered: Gathered, robot: RecordedRobot) -> Iterator[RunFault]:
 
 
 def _clock(recorded: Recorded) -> Iterator[RunFault]:
-    yield from running_clock(recorded.trial)
+    yield from running_clock(recorded)
     yield from running(recorded)
 
 
 def _tree(trial: Trial, robots: int) -> Iterator[RunFault]:
     """Each frame has one parent; how often a transform comes is up to its node."""
-    for fault in one_tree(trial, robots):
+    bare = replace(trial, wanted=replace(trial.wanted, types={}))
+    for fault in one_tree(bare, robots):
         if fault.kind != "transform-ends":
             yield fault
 
 
-def frames(gathered: Gathered) -> Iterator[RunFault]:
+def frames(recorded: Recorded) -> Iterator[RunFault]:
     """No transform is missing for long, by how often it comes."""
+    gathered = recorded.gathered
     static = {(frame.parent, frame.child) for frame in gathered.frames if frame.static}
     for (parent, child), link in gathered.links.items():
         usual = gathered.timeline.now / max(1, link.count)

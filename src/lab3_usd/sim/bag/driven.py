@@ -8,7 +8,7 @@ from collections.abc import Iterator, Sequence
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Place
-from lab3_usd.sim.execution.drive import RATE, Leg, leg_name
+from lab3_usd.sim.execution.drive import RATE, STEERED, Leg, leg_name
 from lab3_usd.sim.execution.recording import Pose
 from lab3_usd.sim.judge.expectations import RunFault, Trial, angle
 from lab3_usd.sim.judge.motion import follows
@@ -17,7 +17,6 @@ _LONG = 1.0  # seconds of one command, from which on it is judged
 _SAME = 1e-3  # m/s and rad/s between commands
 VARIED = "varied"
 HELD = 1.0  # seconds of a command to joints, from which on it is judged
-STEERED = "steered"  # a leg in which a car is to turn
 _UP_TO_THE_ROBOT = {"turn-off-centre"}  # about which point it turns
 _Command = tuple[float, float, float]  # forward, to the left, turning
 

@@ -7,27 +7,23 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
 from pathlib import Path
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
 from lab3_usd.facts.tree import SentTransform, Tree, tree_of
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Topic, Unknown
-from lab3_usd.model.dry_run import Leg as DrivenLeg
 from lab3_usd.sim.bag.driven import follows_side, leg_of_any_base, legs, path
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, layout_at, opened
-from lab3_usd.sim.dry_run import DryRun, driven_legs, is_asked, path_rows
 from lab3_usd.sim.execution.drive import Session
 from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
-from lab3_usd.sim.judge.checks import OF_STAGE, whole_verdict
-from lab3_usd.sim.judge.checks import verdict as verdict_of
+from lab3_usd.sim.judge.checks import OF_STAGE, is_asked, judge
 from lab3_usd.sim.judge.expectations import (
     PHYSICAL,
     RunFault,
@@ -44,6 +40,7 @@ from lab3_usd.sim.judge.topics import (
     reached_topics,
     static_topics,
 )
+from lab3_usd.sim.outcome import DryRun, Judged, behaviour_of
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -56,15 +53,13 @@ STUCK = 0.1  # part of the messages whose stamp may not advance
 _FRAMES = ("header.frame_id", "child_frame_id")
 
 
-class Recorded(Struct, frozen=True):
-    """A recording, what is asked of its topics, and of localization and navigation."""
+class Recorded(Trial, kw_only=True):
+    """The drive of a robot in a recording, with what is asked of topics and navigation."""
 
     gathered: Gathered
     topics: Topics
-    trial: Trial
-    reached: tuple[TopicSpec, ...]
-    map_frame: str
-    goal: GoalSpec | None
+    interface: tuple[TopicSpec, ...] = ()
+    goal: GoalSpec | None = None
 
 
 def unreadable(recorded: Recorded) -> Iterator[RunFault]:
@@ -77,7 +72,7 @@ def unreadable(recorded: Recorded) -> Iterator[RunFault]:
 
 def qos(recorded: Recorded) -> Iterator[RunFault]:
     """Each topic is offered with the durability that is asked for, by as many as are asked for."""
-    for topic in recorded.reached:
+    for topic in recorded.interface:
         for tally in recorded.gathered.of_topic(topic.name):
             offered = [offer.durability for offer in tally.offered]
             odd = next((name for name in offered if topic.durability not in {None, name}), None)
@@ -92,7 +87,7 @@ def qos(recorded: Recorded) -> Iterator[RunFault]:
 def rates(recorded: Recorded) -> Iterator[RunFault]:
     """Streams arrive at a plausible rate, and their stamps advance."""
     is_short = recorded.gathered.timeline.arrived < SHORT
-    for topic in recorded.reached:
+    for topic in recorded.interface:
         for tally in recorded.gathered.of_topic(topic.name):
             if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
                 yield RunFault(f"{topic.name} is received only once", "single-message")
@@ -103,7 +98,7 @@ def rates(recorded: Recorded) -> Iterator[RunFault]:
 
 def headers(recorded: Recorded) -> Iterator[RunFault]:
     """The headers name the frames that are asked for."""
-    for topic in recorded.reached:
+    for topic in recorded.interface:
         wanted = [(topic.fields or {})[name] for name in _FRAMES if name in (topic.fields or {})]
         for tally in recorded.gathered.of_topic(topic.name):
             odd = [frame for frame in tally.frames if frame not in wanted]
@@ -117,7 +112,13 @@ def running(recorded: Recorded) -> Iterator[RunFault]:
     timeline = recorded.gathered.timeline
     if timeline.ticks > 1 and timeline.speed < BARELY and timeline.arrived > 1.0:
         passed = f"{timeline.now:.1f} s in {timeline.arrived:.1f} s"
-        yield RunFault(f"{recorded.topics.wanted.clock} runs {passed}", "stopped-clock")
+        yield RunFault(f"{recorded.wanted.clock} runs {passed}", "stopped-clock")
+
+
+def clock(recorded: Recorded) -> Iterator[RunFault]:
+    """The clock runs, and at the speed of the simulation."""
+    yield from SHARED["clock"](recorded)
+    yield from running(recorded)
 
 
 def frames(recorded: Recorded) -> Iterator[RunFault]:
@@ -137,24 +138,23 @@ def _heard(gathered: Gathered) -> Tree[SentTransform]:
 
 
 def _root(recorded: Recorded) -> str:
-    return recorded.topics.wanted.root
+    return recorded.wanted.root
 
 
 def odometry(recorded: Recorded) -> Iterator[RunFault]:
     """The velocities of odometry agree with its poses."""
-    trial = recorded.trial
-    sent = trial.recording.topic(recorded.topics.wanted.odometry, 0)
+    sent = recorded.recording.topic(recorded.wanted.odometry, 0)
     # Messages of other types may come on the topic as well.
     told = [(message.at, message.data) for message in sent if isinstance(message.data, Odometry)]
     end = 0.0
-    for leg in trial.drive[0].legs:
+    for leg in recorded.drive[0].legs:
         start, end = end, end + leg.seconds
         if leg.name not in {"ahead", "back", "left", "right"}:
             continue
         inside = [data for at, data in told if start < at <= end]
         if not inside:
             continue
-        stretch = next((s for s in trial.stretches(leg.name) if s.leg is leg), None)
+        stretch = next((s for s in recorded.stretches(leg.name) if s.leg is leg), None)
         if stretch is None:
             continue
         ahead, _, turned = displacement(stretch.before, stretch.poses[-1])
@@ -173,10 +173,9 @@ def odometry(recorded: Recorded) -> Iterator[RunFault]:
 
 def way(recorded: Recorded) -> Iterator[RunFault]:
     """In total, the robot travels about the commanded distance."""
-    trial = recorded.trial
-    most = trial.wanted.limits[0] or math.inf
-    commanded = sum(min(abs(leg.forward), most) * leg.seconds for leg in trial.drive[0].legs)
-    poses = trial.recording.path
+    most = recorded.wanted.limits[0] or math.inf
+    commanded = sum(min(abs(leg.forward), most) * leg.seconds for leg in recorded.drive[0].legs)
+    poses = recorded.recording.path
     driven = sum(math.hypot(b.x - a.x, b.y - a.y) for a, b in pairwise(poses))
     if commanded > LEAST and not is_about(driven, commanded):
         yield RunFault(
@@ -187,11 +186,11 @@ def way(recorded: Recorded) -> Iterator[RunFault]:
 def localization(recorded: Recorded) -> Iterator[RunFault]:
     """Localization ties the map to odometry, alone and to the end."""
     root, gathered = _root(recorded), recorded.gathered
-    link = gathered.links.get((recorded.map_frame, root))
+    link = gathered.links.get((recorded.topics.map_frame, root))
     if link is None:
-        yield RunFault(f"no {recorded.map_frame} -> {root}", "no-localization")
+        yield RunFault(f"no {recorded.topics.map_frame} -> {root}", "no-localization")
     elif link.last < gathered.timeline.now - QUIET:
-        yield RunFault(f"{recorded.map_frame} -> {root} ends", "localization-ends")
+        yield RunFault(f"{recorded.topics.map_frame} -> {root} ends", "localization-ends")
     several = _heard(gathered).several_parents.get(root)
     if several:
         yield RunFault(f"{root} has the parents {', '.join(several)}", "changing-parent")
@@ -215,7 +214,7 @@ CHECKS: dict[str, CheckFunction] = {
     "QoS": qos,
     "rates": rates,
     "headers": headers,
-    "clock": running,
+    "clock": clock,
     "frames": frames,
     "odometry": odometry,
     "way": way,
@@ -242,12 +241,7 @@ def judge_recording(
         layout, bounds = layout_at(recording), Bounds()
         readings = _read(layout, bounds, lab, checkpoint)
     except (RecordingError, OSError) as error:
-        reason = (Unknown("/", str(error)),)
-        return DryRun(
-            Behaviour(
-                "", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=str(recording)
-            )
-        )
+        return unread(recording, checkpoint, error)
     for topics, gathered in readings.values():
         if topics.map and (maps is not None or gathered.map is None):
             try:
@@ -255,9 +249,8 @@ def judge_recording(
             except MapError as error:
                 gathered.map_fault = str(error)
     asked = _asking_for(readings, lambda topic: topic not in layout.not_sent)
-    run = _judged(asked, (lab, checkpoint), whole=whole, name=str(recording))
-    unknown = (Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent))
-    return replace(run, behaviour=replace(run.behaviour, not_simulated=tuple(unknown)))
+    run = _judged(asked, (lab, checkpoint), whole=whole)
+    return of_recording(run, recording, layout, checkpoint)
 
 
 def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> Behaviour:
@@ -270,7 +263,24 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
     _, gathered = readings[""]
     came = {topic for (topic, _), tally in gathered.tallies.items() if tally.count}
     seen = _asking_for(readings, lambda topic: topic in came)
-    return _judged(seen, (lab, checkpoint), whole=False, name="").behaviour
+    return _judged(seen, (lab, checkpoint), whole=False).behaviour
+
+
+def unread(recording: Path, checkpoint: str, error: Exception) -> DryRun:
+    """Return the results of a recording that cannot be read."""
+    reason = (Unknown("/", str(error)),)
+    name = str(recording)
+    return DryRun(
+        Behaviour("", checkpoint, 0.0, "unreadable", not_simulated=reason, recording=name)
+    )
+
+
+def of_recording(run: DryRun, recording: Path, layout: Layout, checkpoint: str = "") -> DryRun:
+    """Return results with where they come from, and which topics a bag of a dry run lacks."""
+    unknown = tuple(Unknown(topic, NO_CONTENT) for topic in sorted(layout.not_sent))
+    name = str(recording)
+    behaviour = replace(run.behaviour, recording=name, checkpoint=checkpoint, not_simulated=unknown)
+    return replace(run, behaviour=behaviour)
 
 
 _Readings = Mapping[str, tuple[Topics, Gathered]]
@@ -303,86 +313,92 @@ def _asking_for(readings: _Readings, is_asked_for: Callable[[str], bool]) -> _Re
     return asking
 
 
-def _judged(readings: _Readings, asked_by: tuple[Lab, str], *, whole: bool, name: str) -> DryRun:
+def _judged(readings: _Readings, asked_by: tuple[Lab, str], *, whole: bool) -> DryRun:
     """Judge what was read: each of several robots by itself, what they share once."""
     lab, checkpoint = asked_by
+    interface = reached_topics(lab, checkpoint)
     every = {
-        robot: _recorded(gathered, topics, lab, checkpoint)
+        robot: recorded_drive(gathered, topics, interface, lab.ros.goal)
         for robot, (topics, gathered) in readings.items()
     }
-    robots = {robot: one for robot, one in every.items() if robot} or every
-    checks: list[Check] = []
-    driven: list[DrivenLeg] = []
-    said: list[str] = []
+    judged = {}
     for robot, one in every.items():
         left_out = _left_out(one, lab, checkpoint, whole=whole)
-        if robots is not every:
-            left_out |= {each for each in (*SHARED, *CHECKS) if (each in _OF_ALL) == bool(robot)}
-        checks += [replace(check, of=robot) for check in _checks(one, left_out)]
-        if robot in robots and one.gathered.places:
-            legs_of = driven_legs(one.trial)
-            driven += [replace(leg, name=_of(robot, leg.name)) for leg in legs_of]
-        if robot in robots:
-            said += [_of(robot, text) for text in _remarks(one)]
-    gathered = every[""].gathered
-    verdict, missing = whole_verdict(checks)
-    trials = {robot: one.trial for robot, one in robots.items()}
-    first = next(iter(trials.values()))
-    behaviour = Behaviour(
-        "",
-        checkpoint,
-        gathered.timeline.now,
-        verdict,
-        tuple(judged_topics(gathered)),
-        tuple(gathered.frames),
-        tuple(checks),
-        tuple(path_rows(first)),
-        legs=tuple(driven),
-        remarks=(*time_remarks(gathered), *said),
-        recording=name,
-        missing=missing,
-        fit=next((trial.fit for trial in trials.values() if trial.fit is not None), None),
+        if len(every) > 1:
+            left_out |= {each for each in _TABLE if (each in _OF_ALL) == bool(robot)}
+        table = {**_TABLE, **one.own_checks}
+        checks = judge(one, {name: table[name] for name in _TABLE if name not in left_out})
+        judged[robot] = Judged(robot, one, checks)
+    shared = judged.pop("").checks if len(every) > 1 else ()
+    return recorded_run([*every.values()], [*judged.values()], shared)
+
+
+def recorded_run(
+    every: Sequence[Recorded], robots: Sequence[Judged], whole: Sequence[Check]
+) -> DryRun:
+    """Return the results of a recording, of which the first reading says what it is of."""
+    gathered = every[0].gathered
+    behaviour = behaviour_of(robots, whole)
+    frames = dict.fromkeys(frame for each in every for frame in each.gathered.frames)
+    behaviour = replace(
+        behaviour,
+        seconds=gathered.timeline.now,
+        topics=tuple(_topics(gathered)),
+        frames=tuple(frames),
+        remarks=(*_time_remarks(gathered), *behaviour.remarks),
     )
-    return DryRun(behaviour, trials)
+    return DryRun(behaviour, {each.name: each.trial for each in robots})
 
 
+_TABLE: dict[str, CheckFunction] = {**SHARED, **CHECKS}
 # What a recording shows as a whole, whichever robot is driven.
 _OF_ALL = {*OF_STAGE, "messages", "QoS", "rates", "headers", "frames", "localization", "goal"}
 
 
-def _of(robot: str, text: str) -> str:
-    """Return a text about one of several robots."""
-    return f"{robot}: {text}" if robot else text
-
-
-def _recorded(gathered: Gathered, topics: Topics, lab: Lab, checkpoint: str) -> Recorded:
+def recorded_drive(
+    gathered: Gathered,
+    topics: Topics,
+    interface: tuple[TopicSpec, ...] = (),
+    goal: GoalSpec | None = None,
+) -> Recorded:
     """Return what was recorded of a robot, as its drive."""
-    gathered.recording.seconds = gathered.timeline.now
-    wanted = topics.wanted
+    recording, wanted = gathered.recording, topics.wanted
+    recording.seconds = gathered.timeline.now
     drive = legs(gathered.commands, gathered.seconds, wanted.limits)
+    own_checks = {}
     if wanted.is_car or wanted.has_rollers:
         drive = tuple(leg_of_any_base(leg, is_steered=wanted.is_car) for leg in drive)
-    gathered.recording.path = list(path(gathered.places, drive))
-    sessions = (Session(drive),)
-    trial = Trial(gathered.recording, sessions, wanted, start=HERE, tolerance=PHYSICAL)
-    if wanted.is_car or wanted.has_rollers:
-        trial.own_checks = {"follows": follows_side}
+        own_checks = {"follows": follows_side}
+    recording.path = list(path(gathered.places, drive))
+    drive_of_robot = Recorded(
+        recording,
+        (Session(drive),),
+        wanted,
+        start=HERE,
+        tolerance=PHYSICAL,
+        own_checks=own_checks,
+        gathered=gathered,
+        topics=topics,
+        interface=interface,
+        goal=goal,
+    )
     if gathered.located:
-        trial.map, trial.map_fault = gathered.map, gathered.map_fault
-        trial.located = (gathered.located,)
-        trial.fit = fit(trial)
-    reached = reached_topics(lab, checkpoint)
-    return Recorded(gathered, topics, trial, reached, topics.map_frame, lab.ros.goal)
+        drive_of_robot.map, drive_of_robot.map_fault = gathered.map, gathered.map_fault
+        drive_of_robot.located = (gathered.located,)
+        drive_of_robot.fit = fit(drive_of_robot)
+    if not (gathered.commands or wanted.joint_commands):
+        recording.remarks.append("no command was recorded: `follows` is not judged")
+    return drive_of_robot
 
 
 def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> frozenset[str]:
     """Return the checks that nothing was recorded for, or that are not asked for."""
-    gathered, trial = recorded.gathered, recorded.trial
-    names = {name for name in SHARED if not is_asked(name, trial)} - {"odometry"}
-    if not gathered.commands or not trial.recording.path:
+    gathered = recorded.gathered
+    names = {name for name in SHARED if not is_asked(name, recorded)} - {"odometry"}
+    if not gathered.commands or not recorded.recording.path:
         names |= {*_MOVED}
     map_name = recorded.topics.map
-    seen = {frame.child for frame in gathered.frames if frame.parent == recorded.map_frame}
+    seen = {frame.child for frame in gathered.frames if frame.parent == recorded.topics.map_frame}
     goal = lab.ros.goal
     robot = () if goal is None else gathered.of_topic(goal.robot)
     came = gathered.of_topic(map_name) or robot or seen
@@ -394,22 +410,7 @@ def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> 
     return frozenset(names)
 
 
-def _checks(recorded: Recorded, left_out: frozenset[str]) -> Iterator[Check]:
-    """Yield a verdict for each check; what both have is one."""
-    for name in dict.fromkeys([*SHARED, *CHECKS]):
-        faults: list[RunFault] = []
-        looked = False
-        if name in SHARED and name not in left_out and name != "odometry":  # of the motion itself
-            looked = True
-            faults += recorded.trial.own_checks.get(name, SHARED[name])(recorded.trial)
-        if name in CHECKS and name not in left_out:
-            looked = True
-            faults += CHECKS[name](recorded)
-        if looked:
-            yield verdict_of(name, faults, recorded.trial)
-
-
-def judged_topics(gathered: Gathered) -> Iterator[Topic]:
+def _topics(gathered: Gathered) -> Iterator[Topic]:
     """Yield what came, by topic and type."""
     for (topic, kind), tally in sorted(gathered.tallies.items(), key=lambda row: row[0]):
         if not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) or not tally.count:
@@ -420,15 +421,7 @@ def judged_topics(gathered: Gathered) -> Iterator[Topic]:
         yield Topic(topic, kind, by_stamp, frame, by_arrival, offered)
 
 
-def _remarks(recorded: Recorded) -> Iterator[str]:
-    """Say what else is to be known of a robot."""
-    if recorded.trial.fit is not None:
-        yield recorded.trial.fit.text
-    if not recorded.gathered.commands:
-        yield "no command was recorded: `follows` is not judged"
-
-
-def time_remarks(gathered: Gathered) -> Iterator[str]:
+def _time_remarks(gathered: Gathered) -> Iterator[str]:
     """Say what else is to be known of the recording as a whole."""
     timeline = gathered.timeline
     if not timeline.clocked:

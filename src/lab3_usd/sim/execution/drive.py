@@ -18,6 +18,7 @@ COMMANDS = 10.0  # a second
 LONGEST = 3600.0  # seconds of a drive
 LONGEST_LEG = 10.0  # seconds of a leg of the fixed one
 USUAL, BEYOND = (0.15, 0.8), (1.0, 4.0)  # metres and radians a second
+STEERED = "steered"  # a leg in which a car is to turn
 _NUMBERS = 3
 
 

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from typing import Literal, TypeVar
 
 from msgspec.structs import replace
 
@@ -45,12 +45,19 @@ _OF_SCANS = ("scan", "map")
 ESSENTIAL = ("topics", "follows", "joints")  # without which nothing is right
 
 
-def judge(trial: Trial) -> list[Check]:
+# What a stage shows as a whole, whichever robot is driven.
+OF_STAGE = ("graphs", "topics", "clock", "stamps", "tree")
+AnyTrial = TypeVar("AnyTrial", bound=Trial)
+
+
+def judge(
+    trial: AnyTrial, checks: Mapping[str, Callable[[AnyTrial], Iterator[RunFault]]]
+) -> tuple[Check, ...]:
     """Return the verdict of each check.
 
     What may come from something that is not simulated is no fault.
     """
-    return [verdict(name, list(check(trial)), trial) for name, check in checks_of(trial).items()]
+    return tuple(verdict(name, list(check(trial)), trial) for name, check in checks.items())
 
 
 def checks_of(trial: Trial) -> Mapping[str, CheckFunction]:
@@ -58,8 +65,40 @@ def checks_of(trial: Trial) -> Mapping[str, CheckFunction]:
     return {**CHECKS, **trial.own_checks} if trial.own_checks else CHECKS
 
 
-# What a stage shows as a whole, whichever robot is driven.
-OF_STAGE = ("graphs", "topics", "clock", "stamps", "tree")
+def asked_checks(trial: Trial) -> dict[str, CheckFunction]:
+    """Return those of them that are asked for, and for which something came."""
+    return {name: check for name, check in checks_of(trial).items() if is_asked(name, trial)}
+
+
+def is_asked(name: str, trial: Trial) -> bool:
+    """Whether a checkpoint and the drive ask for what a check looks at, and something came."""
+    wanted = trial.wanted
+    topics = {
+        "clock": (wanted.clock,),
+        "stamps": (wanted.clock,),
+        "odometry": (wanted.odometry,),
+        "tree": (wanted.transforms,),
+        "moving frames": (wanted.odometry, wanted.transforms),
+        "mounted": (wanted.transforms, wanted.scan or wanted.image),
+        "scan": (wanted.scan,),
+        "camera": (wanted.image, wanted.info),
+    }
+    if name == "map":
+        return trial.fit is not None or bool(trial.map_fault)
+    if name in topics:
+        return all(topic and trial.recording.topic(topic) for topic in topics[name])
+    if name == "graphs":
+        dead = trial.causes.of_graphs() if trial.causes is not None else ()
+        return bool(trial.recording.fired) or any(dead)
+    if name == "topics":
+        return bool(wanted.types)
+    legs = trial.drive[0].legs
+    driven = {
+        "follows": any(leg.command and any(leg.command[::2]) for leg in legs),
+        "limits": any(leg.name in {"fast", "spin"} for leg in legs) and any(wanted.limits),
+        "again": len(trial.drive) > 1,
+    }
+    return bool(wanted.commands) and driven.get(name, True)
 
 
 def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
