@@ -92,8 +92,12 @@ def to_the_other_side(said: Any) -> None:
 
 
 def test_a_robot_that_goes_back_for_ahead_is_wrong(folder: Path, tmp_path: Path) -> None:
-    found = faults(rewritten(folder / "rover", tmp_path / "run", on("/odom", backward)))
-    assert "commanded to go 0.18 m, went -0.18" in found["follows"]
+    found = judged(rewritten(folder / "rover", tmp_path / "run", on("/odom", backward)))
+    (told,) = [check["message"] for check in found["checks"] if check["name"] == "follows"]
+    (leg,) = [leg["fault"] for leg in found["legs"] if leg["name"] == "ahead"]
+    assert "commanded to go 0.18 m, went -0.18" in told
+    assert leg in told
+    assert leg
 
 
 def test_a_car_that_turns_to_the_other_side_is_wrong(folder: Path, tmp_path: Path) -> None:

@@ -757,6 +757,13 @@ def test_plays_of_robots_start_where_the_robots_stand(tmp_path: Path) -> None:
     assert driven == pytest.approx((0.09, 0.0), rel=0.05)
 
 
+def test_what_is_known_of_one_of_several_robots_has_its_name(tmp_path: Path) -> None:
+    stage = fleet(2)
+    set_value(stage, "/World/robot_1_ROS/drive.inputs:wheelRadius", 0.05)
+    (size,) = played(stage, tmp_path).sizes
+    assert size.startswith("/World/robot_1/base: the wheels measure 0.1 m")
+
+
 def test_what_a_robot_publishes_is_its_own(tmp_path: Path) -> None:
     stage = two_rovers()
     layer = stage.GetRootLayer()
