@@ -184,6 +184,11 @@ MISTAKES: list[tuple[str, Callable[[Any], None], tuple[str, str, str]]] = [
         ("S04", f"{R2}/body/left_wheel", "r2"),
     ),
     (
+        "a wheel of r2 turns about another axle",
+        put(f"{R2}/joints/left_joint.physics:axis", "X"),
+        ("S09", f"{R2}/joints/left_joint", "r2"),
+    ),
+    (
         "a wheel of r2 rolls free",
         put(f"{R2}/joints/left_joint.drive:angular:physics:damping", 0.0),
         ("S10", f"{R2}/joints/left_joint", "r2"),
@@ -239,6 +244,19 @@ def test_a_mistake_of_a_robot_is_one_error_that_costs_its_own_group(
     result = check_stage(changed(built, tmp_path, 1, change), lab=lab)
     assert errors(result) == [(rule, prim, (group,))]
     assert {item.group for item in result.requirements if not item.met} == {group}
+
+
+def test_a_limit_that_no_section_names_has_that_of_its_controller(
+    lab: Lab, built: Path, tmp_path: Path
+) -> None:
+    node = f"{R2}/DriveR2/controller"
+
+    def limit(stage: Usd.Stage) -> None:
+        name, kind = "inputs:maxAcceleration", Sdf.ValueTypeNames.Double
+        stage.GetPrimAtPath(node).CreateAttribute(name, kind).Set(2.0)
+
+    found = check_stage(changed(built, tmp_path, 3, limit), lab=lab).findings
+    assert [(f.rule, f.prim, f.handout) for f in found] == [("P11", node, "3.2")]
 
 
 def test_lost_frames_are_told_at_the_graph_that_sends_them(

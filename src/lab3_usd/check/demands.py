@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.lab_frames import TfView, trees_of_nodes
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.check.repairs import TYPE, VERSION, edits_at, removal_or_repair
+from lab3_usd.check.repairs import edits_at, removal_or_repair
 from lab3_usd.model.changes import Edit
 from lab3_usd.model.finding import Problem
 
@@ -59,7 +59,7 @@ def _graphs_of(subject: Any) -> tuple[GraphSubject, ...]:
 
 
 def _sections(problem: Problem, subject: GraphSubject) -> Iterator[str]:
-    """Yield the section that asks for the property of a problem, or for its node or graph."""
+    """Yield the section that asks for the property of a problem, else for its node or graph."""
     roles, spec = subject.roles, subject.spec
     if roles.graph is not None and problem.prim == roles.graph.path:  # whatever its property
         yield spec.handout
@@ -73,5 +73,4 @@ def _sections(problem: Problem, subject: GraphSubject) -> Iterator[str]:
         yield from (setting.handout for setting in settings)
         yield from (target.handout for target in targets)
         yield from (section for port, section in node.keep if port == problem.property)
-        if problem.property in (None, TYPE, VERSION):
-            yield node.handout
+        yield node.handout
