@@ -8,7 +8,7 @@ from __future__ import annotations
 import csv
 import json
 import shutil
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -257,6 +257,33 @@ def test_a_limit_that_no_section_names_has_that_of_its_controller(
 
     found = check_stage(changed(built, tmp_path, 3, limit), lab=lab).findings
     assert [(f.rule, f.prim, f.handout) for f in found] == [("P11", node, "3.2")]
+
+
+SCAN = f"{R2}/body/tower/Scan"
+RATES = ("omni:sensor:tickRate", "omni:sensor:Core:scanRateBaseHz")
+
+
+@pytest.mark.parametrize(
+    ("asked", "values", "told"),
+    [
+        ((), {RATES[0]: 5.0}, [("L10", RATES[0])]),
+        (RATES[:1], {RATES[1]: 1}, [("L10", RATES[1])]),
+        (RATES[:1], {RATES[0]: 5.0}, [("L05", RATES[0])]),
+        ((), {RATES[0]: 20.0, RATES[1]: 20}, []),
+    ],
+)
+def test_a_laser_that_is_read_at_another_rate_than_it_turns_is_told(
+    built: Path, tmp_path: Path, asked: Collection[str], values: Mapping[str, Any], told: list[Any]
+) -> None:
+    lab = tmp_path / "lab"
+    shutil.copytree(WAREHOUSE, lab)
+    scene = yaml.safe_load((lab / "scene.yaml").read_text())
+    for name in RATES:
+        scene["sensors"]["scan"]["attributes"][name]["required"] = name in asked
+    (lab / "scene.yaml").write_text(yaml.safe_dump(scene, sort_keys=False))
+    path = changed(built, tmp_path, 4, *(put(f"{SCAN}.{n}", v) for n, v in values.items()))
+    found = check_stage(path, lab=load_lab(lab)).findings
+    assert [(f.rule, f.property) for f in found if f.prim == SCAN and f.rule != "L13"] == told
 
 
 def test_lost_frames_are_told_at_the_graph_that_sends_them(

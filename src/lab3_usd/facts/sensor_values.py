@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.sensor_models import INSTANCE, LongList, SchemaAttribute
+from lab3_usd.isaac.sensor_models import INSTANCE, LidarNames, LongList, SchemaAttribute
 from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import StageModel
@@ -66,6 +66,13 @@ def values_of(prim: Prim, stage: StageModel) -> SensorValues:
     known = sensor_values(stage.platform, (*prim.apis, *filter(None, needed)), prim.attributes)
     open_ones = {name: replace(said, default=None) for name, said in known.attributes.items()}
     return replace(known, attributes=open_ones)
+
+
+def reading_rates(values: SensorValues, names: LidarNames) -> tuple[float, float] | None:
+    """Return how often a lidar is read and turns in a second, None where these are the same."""
+    tick, turns = values.number(names.rate), values.number(names.turns)
+    is_apart = tick is not None and tick >= 0 and turns and tick != turns
+    return (tick, turns) if is_apart and tick is not None and turns is not None else None
 
 
 def listed_entries(value: Any) -> tuple[Any, ...]:

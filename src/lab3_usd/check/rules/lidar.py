@@ -31,7 +31,13 @@ from lab3_usd.check.rules.sensors import (
     sensor_values,
     wrong_type_sensors,
 )
-from lab3_usd.facts.sensor_values import SensorValues, listed_entries, values_of
+from lab3_usd.facts.sensor_values import (
+    SensorValues,
+    listed_entries,
+    reading_rates,
+    values_of,
+)
+from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
 from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.physics import numbers
@@ -298,7 +304,7 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
     Why: {map?}the map and AMCL assume{else}who receives it expects{/} a full circle at the height
     of the lidar. Walls outside the scanned part are missing; what lies above or below appears as a
     wall in its plane. Without emitters of its own a lidar has the schema's: 128 that
-    look from -15 to 10 degrees.
+    look from -15 to 10 degrees. Read at another rate than it turns, each scan is part of a circle.
 
     Fix: select the lidar, search the Property panel for the name given here and type the expected
     value, or reset it with the blue square beside it. Delete a lidar without emitters, and create
@@ -311,6 +317,7 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
     for lidar, scan in _scanning(subject):
         values = values_of(lidar.prim, subject.stage)
         faults = [*_part_of_circle(values, scan), *_other_points(values, scan)]
+        faults += _part_of_turn(lidar, values, subject)
         found = [_problem(lidar, scan, fault) for fault in faults]
         for name in values.attributes or values.written:
             if name.startswith(scan.emitters) and name.rpartition(":")[2] == scan.elevation:
@@ -336,6 +343,25 @@ def _part_of_circle(values: SensorValues, scan: ScanSpec) -> Iterator[_Fault]:
             f"the lidar covers {covered:g} degrees of the circle, from azimuth {start:g} to {end:g}"
         )
         yield name, message, f"{_TURN:g} degrees"
+
+
+def _part_of_turn(
+    lidar: PresentSensor, values: SensorValues, subject: StageSubject
+) -> Iterator[_Fault]:
+    """Yield a rate that makes a scan part of a turn, where none is wrong that the lab asks for."""
+    names, platform = subject.platform.sensor_models.lidar, subject.platform
+    rates = reading_rates(values, names)
+    since = platform.changes.sensors.since  # from which on the rate of reading has an effect
+    if rates is None or order(platform.release) < order(since):
+        return
+    asked = lidar.spec.required.items()
+    if any(not same_value(values.get(name), entry.value) for name, entry in asked):
+        return  # L05's
+    tick, turns = rates
+    described = lidar.spec.attributes.get(names.rate)
+    is_as_described = described is not None and same_value(described.value, tick)
+    name, expected = (names.turns, tick) if is_as_described else (names.rate, turns)
+    yield name, f"{names.rate} is {tick:g} while {names.turns} is {turns:g}", f"{expected:g}"
 
 
 def _other_points(values: SensorValues, scan: ScanSpec) -> Iterator[_Fault]:

@@ -13,7 +13,7 @@ from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.read_sensors import read_lidars, read_sensors
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
-from lab3_usd.facts.sensor_values import SensorValues, values_of
+from lab3_usd.facts.sensor_values import SensorValues, reading_rates, values_of
 from lab3_usd.facts.stuck_nodes import lost_products, refused_target
 from lab3_usd.isaac.node_types import INPUT, KIND
 from lab3_usd.isaac.release_changes import leads_past
@@ -199,8 +199,9 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     }
     for prim in read_lidars(subject.stage):
         values = values_of(prim, subject.stage)
-        tick, turns = values.number(names.rate), values.number(names.turns)
-        if tick is not None and tick >= 0 and turns and tick != turns:
+        rates = reading_rates(values, names)
+        if rates is not None:
+            tick, turns = rates
             yield Problem(
                 prim.path,
                 f"{names.rate} is {tick:g} while {names.turns} is {turns:g}",
