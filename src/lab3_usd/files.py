@@ -5,7 +5,8 @@ from __future__ import annotations
 import os
 import re
 import stat
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import contextmanager
 from itertools import chain, count
 from pathlib import Path
 from typing import NamedTuple
@@ -170,6 +171,28 @@ def temporary_beside(target: Path, suffix: str = "") -> Path:
     temporary = Path(name)
     temporary.chmod(0o644)
     return temporary
+
+
+@contextmanager
+def copy_beside(target: Path, data: bytes, suffix: str = "") -> Iterator[Path]:
+    """Hold what may come to stand at `target` in a file beside it, whence its assets are found.
+
+    Raises:
+        UsageError: nothing can be written there.
+        NoRoomError: the disk is full.
+    """
+    try:
+        copy = temporary_beside(target, suffix or target.suffix)
+    except OSError as error:
+        raise unwritten(target, error) from error
+    try:
+        try:
+            copy.write_bytes(data)
+        except OSError as error:
+            raise unwritten(target, error) from error
+        yield copy
+    finally:
+        copy.unlink(missing_ok=True)
 
 
 def leftover_files(folder: Path, names: Iterable[str]) -> tuple[Path, ...]:

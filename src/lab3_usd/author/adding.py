@@ -17,11 +17,11 @@ from lab3_usd.author.places import graph_to_extend, new_path
 from lab3_usd.author.request import Options, Request, checked
 from lab3_usd.author.rivals import rivals
 from lab3_usd.author.task import Hole, Task
-from lab3_usd.errors import GraphError, StageError, UsageError, unwritten
+from lab3_usd.errors import GraphError, StageError, UsageError
 from lab3_usd.facts.frame_targets import frame_of_prim, tf_ports
 from lab3_usd.facts.frames import all_edges
 from lab3_usd.facts.planned_graphs import Likeness, extension, likeness
-from lab3_usd.files import FileState, temporary_beside
+from lab3_usd.files import FileState, copy_beside
 from lab3_usd.isaac.filling import filled
 from lab3_usd.isaac.graph import Graph
 from lab3_usd.isaac.platform import Platform
@@ -430,23 +430,12 @@ def check_added(added: Added, data: bytes, target: Path) -> None:
         StageError: no stage can be opened from them there, or assets are missing there.
         UsageError: nothing can be written there.
     """
-    try:
-        temporary = temporary_beside(target, target.suffix)
-    except OSError as error:
-        raise unwritten(target, error) from error
-    try:
-        try:
-            temporary.write_bytes(data)
-        except OSError as error:
-            raise unwritten(target, error) from error
+    with copy_beside(target, data) as copy:
         there, here = (
-            read_model(open_stage(path), lint_platform(), str(path))
-            for path in (temporary, added.path)
+            read_model(open_stage(path), lint_platform(), str(path)) for path in (copy, added.path)
         )
-        lost = {missing.asset for missing in there.unresolved}
-        lost -= {missing.asset for missing in here.unresolved}
-    finally:
-        temporary.unlink(missing_ok=True)
+    lost = {missing.asset for missing in there.unresolved}
+    lost -= {missing.asset for missing in here.unresolved}
     if lost:
         raise StageError(
             f"{target}: {', '.join(sorted(lost))} cannot be found from there; write it beside the "

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 import sys
 from collections.abc import Iterable, Iterator, Sequence
+from functools import partial
 from pathlib import Path
 
 import click
@@ -32,9 +33,9 @@ from lab3_usd.commands.shared.paths import Input
 from lab3_usd.commands.shared.writing import (
     WritingOptions,
     check_ways,
-    diffs,
-    replaced,
+    print_diff,
     shown,
+    write_edited,
     writing_options,
 )
 from lab3_usd.config.settings import Config, selected
@@ -43,9 +44,6 @@ from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.files import (
     absence,
     is_script_file,
-    refuse_existing,
-    refuse_shared,
-    write_whole,
 )
 from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix_linted, fix_stage
 from lab3_usd.installation import command_line
@@ -160,19 +158,16 @@ def _fix(stage: Path, repair: RepairOptions, writing: WritingOptions, config: Co
         lab = lab_of_team(lab, [(str(stage), checkpoint)])
         fixed = fix_stage(stage, checkpoint, lab, settings)
     if writing.diff:
-        for line in diffs(fixed.files, fixed.states):
-            click.echo(line, nl=False)
-        return 1 if fixed.files else 0
+        return print_diff(fixed.files, fixed.states)
     if writing.output is not None:
-        data = next(iter(fixed.files.values()), stage.read_bytes())
-        refuse_existing(writing.output, force=repair.force)
         _refuse_layers([writing.output], stage, repair.starter)
-        check_result(fixed, data, writing.output)
-        write_whole(writing.output, data, force=repair.force)
-        click.echo(f"written: {shown(writing.output)}")
     elif writing.in_place:
         _refuse_layers(fixed.files, repair.starter)
-        _replace(fixed, keep=not writing.no_orig, force=repair.force)
+    if writing.output is not None or writing.in_place:
+        check = partial(check_result, fixed)
+        edited = stage, fixed.files, fixed.states
+        for line in write_edited(*edited, writing, force=repair.force, check=check):
+            click.echo(line)
     _print_findings(stage, fixed, repair, writing)
     is_preview = not (writing.output or writing.in_place) and fixed.files
     remain = any(finding.severity == "error" or finding.fix is not None for finding in fixed.left)
@@ -191,16 +186,6 @@ def _refuse_layers(outputs: Iterable[Path], *stages: Path | str | None) -> None:
         for path in existing:
             if os.path.realpath(path) in used:
                 raise UsageError(f"{path}: is a file of {stage}, which this command reads")
-
-
-def _replace(fixed: Fixed, *, keep: bool, force: bool) -> None:
-    """Replace the files of a stage, after the last of them was checked."""
-    for path, data in fixed.files.items():
-        if not force:
-            refuse_shared(path)
-        check_result(fixed, data, path)
-    for line in replaced(fixed.files, fixed.states, keep=keep):
-        click.echo(line)
 
 
 def _print_findings(

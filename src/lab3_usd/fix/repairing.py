@@ -15,8 +15,8 @@ from lab3_usd.check.checker import judge
 from lab3_usd.check.lint import lint
 from lab3_usd.check.registry import Parameters
 from lab3_usd.check.rule_runs import RuleResults
-from lab3_usd.errors import StageError, unwritten
-from lab3_usd.files import FileState, read_state, temporary_beside
+from lab3_usd.errors import StageError
+from lab3_usd.files import FileState, copy_beside, read_state
 from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Repair, Restore, touched
@@ -450,22 +450,12 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
         UsageError: nothing can be written there.
     """
     is_whole = {path.resolve() for path in fixed.files} <= {fixed.root.resolve()}
-    try:
-        temporary = temporary_beside(target, target.suffix)
-    except OSError as error:
-        raise unwritten(target, error) from error
-    try:
-        try:
-            temporary.write_bytes(data)
-        except OSError as error:
-            raise unwritten(target, error) from error
+    with copy_beside(target, data) as copy:
         if is_whole:
-            after = fixed.judge_again(temporary)
+            after = fixed.judge_again(copy)
         else:
-            open_stage(temporary)
+            open_stage(copy)
             after = fixed.after
-    finally:
-        temporary.unlink(missing_ok=True)
     if weight(after) > weight(fixed.before):
         raise StageError(
             f"{target}: the repaired stage would be worse than before; nothing was written"

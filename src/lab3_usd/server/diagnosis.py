@@ -11,7 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.config.settings import Config, config_for, selected
 from lab3_usd.errors import Lab3Error
-from lab3_usd.files import is_script_file, temporary_beside
+from lab3_usd.files import copy_beside, is_script_file
 from lab3_usd.fix.line_changes import text_changes
 from lab3_usd.fix.scripts import script_changes
 from lab3_usd.isaac.releases import BASE
@@ -60,12 +60,8 @@ def diagnose(path: Path, text: str, release: str = "") -> Diagnosis:
                 script = Path(folder, path.name)
                 script.write_bytes(text.encode())
                 return _judged(script, path, config, release)
-        copy = temporary_beside(path, path.suffix)
-        try:
-            copy.write_bytes(text.encode())
+        with copy_beside(path, text.encode()) as copy:
             return _judged(copy, path, config, release)
-        finally:
-            copy.unlink()
     except (Lab3Error, OSError) as error:
         return Diagnosis(failure=str(error))
 

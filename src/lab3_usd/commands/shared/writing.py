@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from pathlib import Path
 
 import click
@@ -13,7 +13,16 @@ from lab3_usd import hooks
 from lab3_usd.commands.shared.options import Option, all_of, recorded
 from lab3_usd.commands.shared.paths import OutputRepair
 from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.files import FileState, is_script_file, keep_original, lines_of, replace_files
+from lab3_usd.files import (
+    FileState,
+    is_script_file,
+    keep_original,
+    lines_of,
+    refuse_existing,
+    refuse_shared,
+    replace_files,
+    write_whole,
+)
 from lab3_usd.fix.patch import patch
 from lab3_usd.report.safe_text import visible
 
@@ -67,7 +76,59 @@ def check_ways(stages: Sequence[Path], writing: WritingOptions, **further: Path 
         raise UsageError(f"{output}: must end in {stages[0].suffix}, as the stage does")
 
 
-def diffs(files: Mapping[Path, bytes], states: Mapping[Path, FileState]) -> Iterator[str]:
+def print_diff(files: Mapping[Path, bytes], states: Mapping[Path, FileState]) -> int:
+    """Print what would change, and return the exit status: 1 if something would."""
+    for line in _diffs(files, states):
+        click.echo(line, nl=False)
+    return 1 if files else 0
+
+
+def write_edited(
+    stage: Path,
+    files: Mapping[Path, bytes],
+    states: Mapping[Path, FileState],
+    writing: WritingOptions,
+    *,
+    force: bool,
+    check: Callable[[bytes, Path], None] = lambda _data, _path: None,
+    first_alone: bool = False,
+) -> Iterator[str]:
+    """Write an edited stage where it was asked for, and yield a line about each file.
+
+    Each is checked before one is written. With `first_alone` what is replaced is kept where no
+    NAME.orig is there yet: it holds the stage as it was before the first of several commands.
+
+    Raises:
+        UsageError: a file exists, is shared, was changed meanwhile, or cannot be written.
+    """
+    output = writing.output
+    if output is not None:
+        refuse_existing(output, force=force)
+        data = next(iter(files.values()), None) or stage.read_bytes()
+        check(data, output)
+        write_whole(output, data, force=force)
+        yield f"written: {shown(output)}"
+        return
+    for path, data in files.items():
+        if not force:
+            refuse_shared(path)
+        check(data, path)
+    originals: dict[Path, Path] = {}
+    try:
+        for path in () if writing.no_orig else files:
+            if not (first_alone and path.with_name(f"{path.name}.orig").exists()):
+                originals[path] = keep_original(path, states[path].content)
+        replace_files(files, states)
+    except Lab3Error:
+        for original in originals.values():
+            original.unlink(missing_ok=True)
+        raise
+    for path in files:
+        kept = f", the old one is {shown(originals[path])}" if path in originals else ""
+        yield f"written: {shown(path)}{kept}"
+
+
+def _diffs(files: Mapping[Path, bytes], states: Mapping[Path, FileState]) -> Iterator[str]:
     """Yield a unified diff of each text file, and the differences of the others as stages."""
     for path, data in files.items():
         old = states[path].content
@@ -90,36 +151,6 @@ def _name_in_patch(side: str, path: Path) -> str:
         for byte in os.fsencode(name)
     )
     return f'"{"".join(letters)}"'
-
-
-def replaced(
-    files: Mapping[Path, bytes],
-    states: Mapping[Path, FileState],
-    *,
-    keep: bool,
-    first_alone: bool = False,
-) -> Iterator[str]:
-    """Replace files, all of them or none, and yield a line about each.
-
-    With `first_alone` what is replaced is kept where no NAME.orig is there yet: it holds the stage
-    as it was before the first of several commands.
-
-    Raises:
-        UsageError: one was changed meanwhile, or cannot be written.
-    """
-    originals: dict[Path, Path] = {}
-    try:
-        for path in files if keep else ():
-            if not (first_alone and path.with_name(f"{path.name}.orig").exists()):
-                originals[path] = keep_original(path, states[path].content)
-        replace_files(files, states)
-    except Lab3Error:
-        for original in originals.values():
-            original.unlink(missing_ok=True)
-        raise
-    for path in files:
-        kept = f", the old one is {shown(originals[path])}" if path in originals else ""
-        yield f"written: {shown(path)}{kept}"
 
 
 def shown(path: Path) -> str:

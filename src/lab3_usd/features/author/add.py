@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import sys
 from collections.abc import Iterator, Sequence
+from functools import partial
 from inspect import cleandoc
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -14,26 +15,26 @@ from msgspec import Struct
 
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
-    assets_option,
-    given_words,
     recorded,
-    text_or_json,
     width,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFile
 from lab3_usd.commands.shared.writing import (
     WritingOptions,
     check_ways,
-    diffs,
-    replaced,
+    print_diff,
     shown,
+    write_edited,
     writing_options,
 )
-from lab3_usd.data import program
 from lab3_usd.errors import UsageError
-from lab3_usd.features.author.requests import kind_and_stage, request_options
-from lab3_usd.files import refuse_existing, refuse_shared, temporary_beside, write_whole
-from lab3_usd.installation import command_line
+from lab3_usd.features.author.requests import (
+    edit_options,
+    kind_and_stage,
+    request_options,
+    to_write,
+)
+from lab3_usd.files import copy_beside, write_whole
 
 if TYPE_CHECKING:
     from lab3_usd.author.adding import Added, Addition, AddOptions
@@ -67,8 +68,8 @@ class AddingOptions(Struct, frozen=True):
     requests: Path | None
     replace: bool
     layer: Path | None
-    force: bool
     check_drive: bool
+    force: bool
     release: str | None
     form: str
     assets: tuple[str, ...]
@@ -91,11 +92,8 @@ class AddingOptions(Struct, frozen=True):
     metavar="FILE",
     help="Write a layer over the stage with the graphs alone.",
 )
-@click.option("--force", is_flag=True, help="Write in spite of findings; replace any file.")
 @click.option("--check-drive", is_flag=True, help="Play the result and judge its messages.")
-@click.option("--isaac", "release", metavar="RELEASE", help="For this release of Isaac Sim.")
-@text_or_json
-@assets_option
+@edit_options
 @recorded("asked", AddingOptions)
 def command(
     words: tuple[str, ...], request: Options, writing: WritingOptions, asked: AddingOptions
@@ -150,31 +148,20 @@ def _add(
 
     added = add_graphs(stage, requests, settings)
     files = {} if added.data is None else {stage: added.data}
+    states = {stage: added.state}
     if writing.diff:
-        for line in diffs(files, {stage: added.state}):
-            click.echo(line, nl=False)
-        return 1 if files else 0
+        return print_diff(files, states)
     played = _played(added) if asked.check_drive else ()
     is_refused = _is_refused(added, asked, played)
     wants = writing.output or writing.in_place
     written: Path | None = None
     lines: list[str] = []
     if wants and not is_refused and (files or writing.output):
-        target = writing.output or stage
-        if writing.output:
-            refuse_existing(target, force=asked.force)
-        elif not asked.force:
-            refuse_shared(stage)
-        data = added.state.content if added.data is None else added.data
-        check_added(added, data, target)
-        if writing.output:
-            write_whole(target, data, force=asked.force)
-            lines.append(f"written: {shown(target)}")
-        else:
-            lines += replaced(
-                files, {stage: added.state}, keep=not writing.no_orig, first_alone=True
-            )
-        written = target
+        check = partial(check_added, added)
+        lines += write_edited(
+            stage, files, states, writing, force=asked.force, check=check, first_alone=True
+        )
+        written = writing.output or stage
     return _report(added, asked, played, written, lines, shown(stage))
 
 
@@ -202,15 +189,8 @@ def _add_layer(
         content: bytes | None = target.read_bytes()
     else:
         content = None
-    try:
-        temporary = temporary_beside(target, ".usda")
-    except OSError as error:
-        raise UsageError(f"--layer {target}: cannot be written ({error.strerror})") from error
-    try:
-        temporary.write_bytes(content or layer_over(stage, target).encode())
-        added = add_graphs(temporary, requests, settings)
-    finally:
-        temporary.unlink(missing_ok=True)
+    with copy_beside(target, content or layer_over(stage, target).encode(), ".usda") as layer:
+        added = add_graphs(layer, requests, settings)
     lines: list[str] = []
     played = _played(added) if asked.check_drive else ()
     is_refused = _is_refused(added, asked, played)
@@ -253,15 +233,8 @@ def _report(
             why = "the new findings are" if added.new else "what the robot does not do is"
             click.echo(f"nothing is written: {why} above; --force writes all the same")
         elif added.data is not None and written is None:
-            words = command_line(*_call(), "--in-place")
-            click.echo(f"to write: {words}")
+            click.echo(to_write())
     return 1 if is_refused else 0
-
-
-def _call() -> tuple[str, ...]:
-    context = click.get_current_context()
-    words = context.params["words"]
-    return (program(), str(context.command.name), *words, *given_words(context))
 
 
 def _text(added: Added, name: str, *, is_written: bool) -> Iterator[str]:
@@ -377,12 +350,8 @@ def _played(added: Added) -> tuple[Check, ...]:
     from lab3_usd.sim.dry_run import dry_run
     from lab3_usd.spec.load.loader import load_lab
 
-    temporary = temporary_beside(added.path, added.path.suffix)
-    try:
-        temporary.write_bytes(added.state.content if added.data is None else added.data)
-        return dry_run(temporary, load_lab(), "").behaviour.checks
-    finally:
-        temporary.unlink(missing_ok=True)
+    with copy_beside(added.path, added.data or added.state.content) as copy:
+        return dry_run(copy, load_lab(), "").behaviour.checks
 
 
 def _play_lines(played: Sequence[Check]) -> Iterator[str]:

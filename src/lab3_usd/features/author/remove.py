@@ -11,21 +11,23 @@ import click
 from msgspec import Struct
 
 from lab3_usd.commands.shared.configuration import use_config
-from lab3_usd.commands.shared.options import assets_option, given_words, recorded, text_or_json
+from lab3_usd.commands.shared.options import recorded
 from lab3_usd.commands.shared.paths import Input
 from lab3_usd.commands.shared.writing import (
     WritingOptions,
     check_ways,
-    diffs,
-    replaced,
+    print_diff,
     shown,
+    write_edited,
     writing_options,
 )
-from lab3_usd.data import program
 from lab3_usd.errors import UsageError
-from lab3_usd.features.author.requests import kind_and_stage, removal_options
-from lab3_usd.files import refuse_existing, refuse_shared, write_whole
-from lab3_usd.installation import command_line
+from lab3_usd.features.author.requests import (
+    edit_options,
+    kind_and_stage,
+    removal_options,
+    to_write,
+)
 
 if TYPE_CHECKING:
     from lab3_usd.author.removing import Removed
@@ -45,10 +47,7 @@ class RemovingOptions(Struct, frozen=True):
 @click.argument("words", nargs=-1, required=True, metavar="KIND STAGE", type=Input())
 @removal_options
 @writing_options("remaining")
-@click.option("--force", is_flag=True, help="Write in spite of new errors; replace any file.")
-@click.option("--isaac", "release", metavar="RELEASE", help="Judge by this release of Isaac Sim.")
-@text_or_json
-@assets_option
+@edit_options
 @recorded("asked", RemovingOptions)
 def command(
     words: tuple[str, ...], request: Options, writing: WritingOptions, asked: RemovingOptions
@@ -72,23 +71,16 @@ def command(
     try:
         removed = remove_graph(stage, Request(kind, request), asked.release or BASE)
         files = {} if removed.data is None else {stage: removed.data}
+        states = {stage: removed.state}
         if writing.diff:
-            for line in diffs(files, {stage: removed.state}):
-                click.echo(line, nl=False)
-            sys.exit(1 if files else 0)
+            sys.exit(print_diff(files, states))
         errors = [finding for finding in removed.new if finding.severity == "error"]
         is_refused = bool(errors) and not asked.force
         lines: list[str] = []
-        is_written = bool(files) and not is_refused and (writing.output or writing.in_place)
-        if is_written and writing.output:
-            refuse_existing(writing.output, force=asked.force)
-            write_whole(writing.output, files[stage], force=asked.force)
-            lines.append(f"written: {shown(writing.output)}")
-        elif is_written:
-            if not asked.force:
-                refuse_shared(stage)
-            lines += replaced(
-                files, {stage: removed.state}, keep=not writing.no_orig, first_alone=True
+        is_written = bool(files) and not is_refused and bool(writing.output or writing.in_place)
+        if is_written:
+            lines += write_edited(
+                stage, files, states, writing, force=asked.force, first_alone=True
             )
     except UsageError as error:
         raise UsageError(f"{shown(stage)}: {error}") from error
@@ -98,7 +90,7 @@ def command(
             "graph": removed.graph,
             "added_by_lab3": not removed.is_foreign,
             "removed": list(removed.prims),
-            "written": bool(is_written),
+            "written": is_written,
             "findings": [
                 {"rule": f.rule, "severity": f.severity, "prim": f.prim, "message": f.message}
                 for f in removed.new
@@ -113,9 +105,7 @@ def command(
     if is_refused:
         click.echo("nothing is written: the new errors are above; --force writes all the same")
     elif not is_written:
-        context = click.get_current_context()
-        call = (program(), "remove", *words, *given_words(context), "--in-place")
-        click.echo(f"to write: {command_line(*call)}")
+        click.echo(to_write())
     sys.exit(1 if is_refused else 0)
 
 

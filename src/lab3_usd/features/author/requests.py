@@ -9,8 +9,17 @@ from typing import Any
 import click
 
 from lab3_usd.author.request import Options, options_of
-from lab3_usd.commands.shared.options import Option, all_of, made_of
+from lab3_usd.commands.shared.options import (
+    Option,
+    all_of,
+    assets_option,
+    given_words,
+    made_of,
+    text_or_json,
+)
+from lab3_usd.data import program
 from lab3_usd.errors import UsageError
+from lab3_usd.installation import command_line
 
 _LISTS = ("joints", "targets", "publish", "metadata")
 _NUMBERS = {"indices": int, "positions": float}
@@ -135,6 +144,21 @@ removal_options: Option = all_of(
     ),
     _values(hidden=True),
 )
+
+
+edit_options: Option = all_of(
+    click.option("--force", is_flag=True, help="Write in spite of findings; replace any file."),
+    click.option("--isaac", "release", metavar="RELEASE", help="For this release of Isaac Sim."),
+    text_or_json,
+    assets_option,
+)
+
+
+def to_write() -> str:
+    """Return the line that says how what is shown is written: the call with --in-place."""
+    context = click.get_current_context()
+    words = (str(context.command.name), *context.params["words"], *given_words(context))
+    return f"to write: {command_line(program(), *words, '--in-place')}"
 
 
 def kind_and_stage(words: tuple[str, ...], *, has_file: bool) -> tuple[str, Path]:

@@ -21,12 +21,12 @@ from lab3_usd.commands.shared.options import (
     text_or_json,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
-from lab3_usd.errors import EXIT_FOUND, unwritten
+from lab3_usd.errors import EXIT_FOUND
 from lab3_usd.files import (
+    copy_beside,
     make_folder,
     original_of,
     refuse_existing,
-    temporary_beside,
     write_whole,
 )
 
@@ -105,15 +105,8 @@ def opened_original(path: Path) -> Iterator[Path]:
     if original is None or not path.is_file():
         yield path
         return
-    try:
-        copy = temporary_beside(path, original.suffix)
-    except OSError as error:
-        raise unwritten(path, error) from error
-    try:
-        copy.write_bytes(path.read_bytes())
+    with copy_beside(path, path.read_bytes(), original.suffix) as copy:
         yield copy
-    finally:
-        copy.unlink()
 
 
 def _pictures(comparison: Comparison) -> Iterator[tuple[str, Picture]]:

@@ -9,8 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.commands.shared.options import terminal_width
 from lab3_usd.diff import compare_stages
-from lab3_usd.errors import unwritten
-from lab3_usd.files import temporary_beside
+from lab3_usd.files import copy_beside
 from lab3_usd.report import diff_report
 from lab3_usd.spec.load.loader import load_lab
 
@@ -22,13 +21,6 @@ def changes_to(path: Path, content: bytes) -> Iterator[str]:
         StageError: one of them cannot be opened.
         UsageError: nothing can be written beside the stage, whose references the copy needs.
     """
-    try:
-        copy = temporary_beside(path, path.suffix)
-    except OSError as error:
-        raise unwritten(path, error) from error
-    try:
-        copy.write_bytes(content)
+    with copy_beside(path, content) as copy:
         compared = compare_stages(path, copy, load_lab()).diff
-    finally:
-        copy.unlink(missing_ok=True)
     yield from diff_report.lines(replace(compared, after="repaired"), terminal_width())
