@@ -94,6 +94,8 @@ def test_two_graphs_of_a_kind_are_asked_about(tmp_path: Path) -> None:
     with pytest.raises(UsageError, match="/World/Graphs/Drive_beta"):
         remove_graph(path, Request("drive"), BASE)
     remove(path, "drive", Options(robot="/World/beta"))
+    with pytest.raises(UsageError, match="no graph of the kind drive of /World/beta"):
+        remove_graph(path, Request("drive", Options(robot="/World/beta")), BASE)
     assert not Usd.Stage.Open(str(path)).GetPrimAtPath("/World/Graphs/Drive_beta")
 
 

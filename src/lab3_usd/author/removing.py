@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from pathlib import Path
 
 from msgspec import Struct
@@ -11,6 +11,7 @@ from lab3_usd.author.editing import Editing, open_for_edits
 from lab3_usd.author.request import Request, recipe_of
 from lab3_usd.errors import AmbiguousError, UsageError
 from lab3_usd.facts.endpoints import endpoints
+from lab3_usd.facts.robots import robots
 from lab3_usd.files import FileState
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.recipes import Recipe
@@ -18,7 +19,7 @@ from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.model.changes import DropPrim
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.prims import is_at_or_below, upwards
-from lab3_usd.model.stage import GraphModel, StageModel
+from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.stage.edit.added import added_prims, is_bare, is_in_root_alone, is_over
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.properties import release_start_values
@@ -86,7 +87,10 @@ def _chosen(request: Request, editing: Editing) -> Candidate:
     named = options.graph or options.into
     if named is not None:
         found = [candidate for candidate in found if candidate.graph == named]
-    elif len(found) > 1:
+    for top in filter(None, (options.robot, options.prim)):
+        parts = _parts(top, model)
+        found = [candidate for candidate in found if _names(candidate, parts, model)]
+    if len(found) > 1:
         found = [c for c in found if _is_about(c, request, model)] or found
     if len(found) == 1:
         return found[0]
@@ -94,6 +98,7 @@ def _chosen(request: Request, editing: Editing) -> Candidate:
         raise AmbiguousError("graph", [candidate.graph for candidate in found], "--graph")
     there = ", ".join(graph.path for graph in model.graphs) or "none"
     where = f" at {named}" if named else ""
+    where += "".join(f" of {top}" for top in (options.robot, options.prim) if top)
     raise UsageError(f"there is no graph of the kind {recipe.kind}{where}; graphs: {there}")
 
 
@@ -133,15 +138,32 @@ def _tells(kind: NodeType) -> bool:
     return bool(kind.role or kind.drives or kind.tf or kind.step_limits)
 
 
-def _is_about(candidate: Candidate, request: Request, model: StageModel) -> bool:
-    """Whether a graph is about the robot, sensor, prims and topics that a request names."""
-    options = request.options
+def _parts(top: str, model: StageModel) -> set[str]:
+    """Return a prim, and where it is of a robot, the links and sensors of that."""
+    found = [robot for robot in robots(model) if top in (robot.path, robot.root, robot.base)]
+    sensors = {sensor.prim.path for robot in found for sensor in robot.sensors}
+    return {top, *sensors, *(path for robot in found for path in (robot.path, *robot.links))}
+
+
+def _nodes(candidate: Candidate, model: StageModel) -> list[Node]:
     graph = next(found for found in model.graphs if found.path == candidate.graph)
-    nodes = [n for n in graph.nodes if not candidate.nodes or n.path in candidate.nodes]
-    named = [path for node in nodes for state in node.ports.values() for path in state.targets]
+    return [n for n in graph.nodes if not candidate.nodes or n.path in candidate.nodes]
+
+
+def _names(candidate: Candidate, tops: Collection[str], model: StageModel) -> bool:
+    """Whether a graph names one of these prims, or a prim below one."""
+    states = [state for node in _nodes(candidate, model) for state in node.ports.values()]
+    texts = (state.value for state in states if isinstance(state.value, str))
+    named = [*(path for state in states for path in state.targets), *texts]
+    return any(is_at_or_below(path, top) for path in named for top in tops)
+
+
+def _is_about(candidate: Candidate, request: Request, model: StageModel) -> bool:
+    """Whether a graph is about the prims and topics that a request names."""
+    options = request.options
+    nodes = _nodes(candidate, model)
     topics = {end.topic for end in endpoints(model) if end.node in nodes}
-    tops = [top for top in (options.robot, options.prim, *(options.targets or ())) if top]
-    wanted = [any(is_at_or_below(path, top) for path in named) for top in tops]
+    wanted = [_names(candidate, (top,), model) for top in options.targets or ()]
     given = options.topic
     for topic in [given] if isinstance(given, str) else [*(given or {}).values()]:
         space = options.namespace or ""

@@ -130,6 +130,11 @@ def options_of(values: Mapping[str, Any], where: str) -> Options:
         UsageError: one is unknown, or has another type.
     """
     named = {name.replace("_", "-"): value for name, value in values.items() if value is not None}
+    known = [field.encode_name for field in fields(Options)]
+    for name in named:
+        if name not in known:
+            near = did_you_mean(likely_name(name, known))
+            raise UsageError(f"{where}: '{name}' is no option{near}; known are {', '.join(known)}")
     try:
         return msgspec.convert(named, Options)
     except msgspec.ValidationError as error:

@@ -55,8 +55,9 @@ def command(
     """Remove a graph that lab3 add added, or one that does the same.
 
     The graph goes, and the parents that were added with it; of a graph that was extended, the new
-    nodes. A text stage is then as it was, to the byte. Further options of lab3 add are taken and
-    make no difference, so that the words that added a graph remove it.
+    nodes. A text stage is then as it was, to the byte. --robot and --prim say whose graph it is.
+    Further options of lab3 add are taken and make no difference, so that the words that added a
+    graph remove it.
 
     Exit status: 0 done or shown, 1 the result would have new errors, or with --diff a change, 2
     refused.
