@@ -13,9 +13,11 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.author.adding import Added, AddOptions, add_graphs
 from lab3_usd.author.request import Options, Request
-from lab3_usd.errors import AmbiguousError, UsageError
+from lab3_usd.errors import AmbiguousError, GraphError, UsageError
+from lab3_usd.isaac.filling import filled
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
+from lab3_usd.spec.load.loader import load_platform
 
 
 def add(
@@ -278,6 +280,15 @@ def test_a_graph_that_is_extended_keeps_its_tick_and_context(tmp_path: Path) -> 
     assert ticks == ["/World/Ros/on_playback_tick", "/World/Ros/ros2_context"]
 
 
+def test_an_imu_outside_a_body_is_written_only_by_force(tmp_path: Path) -> None:
+    path = tmp_path / "imu.usda"
+    stage = new_stage(path)
+    stage.DefinePrim("/World/Imu", "IsaacImuSensor")
+    stage.Save()
+    assert "stands in no rigid body" in refusal(path, "imu")
+    assert written(path, "imu", force=True).GetPrimAtPath("/World/Graphs/IMU")
+
+
 def test_a_lidar_that_cannot_be_read_is_written_only_by_force(tmp_path: Path) -> None:
     path = bot(tmp_path)
     stage = Usd.Stage.Open(str(path))
@@ -383,19 +394,35 @@ def test_json_names_what_was_inferred_and_from_what(tmp_path: Path) -> None:
     assert answer["findings"] == []
 
 
-def test_a_release_without_a_node_type_refuses_its_recipe(tmp_path: Path) -> None:
-    answer = lab3("add", "lidar", rover_at(tmp_path), "--isaac", "2022.2")
+@pytest.mark.parametrize(
+    ("recipe", "words"),
+    [("camera", "2022.2 has no"), ("lidar", "OmniLidar prims came with Isaac Sim 5.0")],
+)
+def test_a_release_without_a_node_type_or_sensor_refuses_its_recipe(
+    recipe: str, words: str, tmp_path: Path
+) -> None:
+    answer = lab3("add", recipe, rover_at(tmp_path), "--isaac", "2022.2")
     assert answer.returncode == 2
-    assert "2022.2 has no" in answer.stderr
+    assert words in answer.stderr
 
 
-def test_a_release_with_other_names_of_types_is_refused_in_one_line(tmp_path: Path) -> None:
+def test_a_release_before_the_renaming_gets_its_own_names_of_types(tmp_path: Path) -> None:
     path = rover_at(tmp_path)
-    answer = lab3("add", "odometry", path, "--isaac", "4.2")
-    assert answer.returncode == 2
-    assert "graphs of odometry are written for Isaac Sim 4.5 and later" in answer.stderr
-    assert lab3("add", "odometry", path, "--isaac", "4.2", "--force").returncode == 0
-    assert lab3("add", "odometry", path, "--isaac", "4.5").returncode == 0
+    added = add_graphs(path, [Request("drive"), Request("odometry")], AddOptions("2023.1"))
+    assert added.new == ()
+    assert added.data is not None
+    stage = held(path, added.data)
+    controller = stage.GetPrimAtPath("/World/Graphs/Drive/articulation_controller")
+    name = "omni.isaac.core_nodes.IsaacArticulationController"
+    assert controller.GetAttribute("node:type").Get() == name
+    assert controller.GetAttribute("inputs:usePath").Get() is False
+    assert b"isaacsim." not in added.data
+
+
+def test_a_release_whose_controller_is_another_refuses_the_recipe() -> None:
+    platform = load_platform().in_release("4.2")
+    with pytest.raises(GraphError, match="AckermannController is another node there than"):
+        filled(platform.recipes["ackermann"], "/Graph", {}, platform)
 
 
 def test_a_graph_with_other_outputs_is_renewed_as_a_whole(tmp_path: Path) -> None:

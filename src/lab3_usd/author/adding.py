@@ -23,10 +23,8 @@ from lab3_usd.facts.frames import all_edges
 from lab3_usd.facts.planned_graphs import Likeness, extension, likeness
 from lab3_usd.files import FileState, copy_beside
 from lab3_usd.isaac.filling import filled
-from lab3_usd.isaac.graph import Graph
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.recipes import Recipe
-from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import AddGraph, DropPrim, Retarget
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.prims import is_at_or_below
@@ -203,7 +201,8 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     try:
         graph, shared = filled(recipe, path, values, editing.platform)
     except GraphError as error:
-        raise UsageError(f"{recipe.kind}: {error}") from error
+        release = editing.platform.release
+        raise UsageError(f"{recipe.kind} for Isaac Sim {release}: {error}") from error
     there = [likeness(graph, found, model) for found in model.graphs if _is_live(found.path, model)]
     same = next((found for found in there if found.is_same), None)
     if same is not None:
@@ -211,8 +210,6 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     sender = _sender_of_all(task, values)
     if sender:
         return Addition(request, sender, 0, holes=shown)
-    if not options.force:
-        _refuse_early(recipe.kind, graph, editing.platform)
     alike = [
         found.path for found in there if found.is_alike and _is_about(found.path, subject, model)
     ]
@@ -247,22 +244,6 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
         replaced=", ".join(made_way),
         notes=tuple(_frame_notes(task, values, editing.model)),
     )
-
-
-def _refuse_early(kind: str, graph: Graph, platform: Platform) -> None:
-    """Refuse a release in which types of a graph have other names.
-
-    Raises:
-        UsageError: it is one.
-    """
-    names, types = platform.names, {node.type.type for node in graph.nodes.values()}
-    is_early = order(platform.release) < order(names.before)
-    renamed = sorted(name for name in types if is_early and names.former(name) is not None)
-    if renamed:
-        raise UsageError(
-            f"--isaac {platform.release}: graphs of {kind} are written for Isaac Sim "
-            f"{names.before} and later, when {renamed[0]} got this name"
-        )
 
 
 def new_tops(new: frozenset[str]) -> list[str]:

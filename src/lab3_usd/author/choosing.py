@@ -12,7 +12,8 @@ from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.robots import Robot, Sensor, robots, sensors
 from lab3_usd.facts.sensor_faults import faults_of
-from lab3_usd.isaac.recipes import Recipe
+from lab3_usd.isaac.recipes import Recipe, SensorKind
+from lab3_usd.isaac.releases import order
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 
@@ -105,9 +106,15 @@ def choose_sensor(recipe: Recipe, stage: StageModel, options: Options) -> Sensor
     """
     wanted = recipe.sensor
     assert wanted is not None  # noqa: S101 - recipes that need a sensor say which
+    release = stage.platform.release
+    if wanted.since and order(release) < order(wanted.since):
+        raise UsageError(
+            f"{recipe.kind} for Isaac Sim {release}: {' and '.join(wanted.types)} prims came with "
+            f"Isaac Sim {wanted.since}, and no graph for what was there before is known"
+        )
     if options.prim is not None:
         prim = present_prim(options.prim, stage, "--prim")
-        _check_sensor(prim, recipe, stage)
+        _check_type(prim, recipe, wanted)
         carrier = joined_bodies(stage).carrier(prim.path)
         return Sensor(prim, recipe.kind, frame_of_prim(prim.path, stage), carrier)
     found = [sensor for sensor in sensors(stage) if sensor.kind == recipe.kind]
@@ -129,24 +136,16 @@ def choose_sensor(recipe: Recipe, stage: StageModel, options: Options) -> Sensor
                 f"({missing.prim})"
             )
         raise UsageError(f"there is no {recipe.kind}: no prim of type {' or '.join(wanted.types)}")
-    _check_sensor(found[0].prim, recipe, stage)
+    _check_type(found[0].prim, recipe, wanted)
     return found[0]
 
 
-def _check_sensor(prim: Prim, recipe: Recipe, stage: StageModel) -> None:
-    wanted = recipe.sensor
-    if wanted is None:
-        return
+def _check_type(prim: Prim, recipe: Recipe, wanted: SensorKind) -> None:
     if prim.type not in wanted.types:
         raise UsageError(
             f"{prim.path} is no {recipe.kind}: its type is '{prim.type}', expected "
             f"{' or '.join(wanted.types)}"
         )
-    if wanted.inside:
-        carrier = joined_bodies(stage).carrier(prim.path)
-        holder = stage.prim(carrier) if carrier else None
-        if holder is None or wanted.inside not in holder.apis:
-            raise UsageError(f"{prim.path} stands in no rigid body, so that it measures nothing")
 
 
 def stopping_fault(prim: Prim, stage: StageModel, *, is_scan: bool) -> str:

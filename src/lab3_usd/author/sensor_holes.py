@@ -25,6 +25,11 @@ def sensor(task: Task) -> Iterator[Hole]:
             f"{prim.path} is no {task.recipe.kind} that Isaac Sim can read: it lacks {lacks}; "
             "apply it (apiSchemas of the prim), or --force"
         )
+    if _lacks_body(task, sensor) and not task.force:
+        raise UsageError(
+            f"{prim.path} stands in no rigid body, so that it measures nothing; move it below a "
+            "link of the robot, or --force"
+        )
     is_scan = "laser_scan" in (task.options.publish or task.recipe.publishes)
     fault = stopping_fault(prim, task.stage, is_scan=is_scan)
     if fault and not task.force:
@@ -42,6 +47,14 @@ def _lacking_schema(task: Task, sensor: Sensor) -> str:
     if wanted is None or wanted.needs in prim.apis or task.stage.unknown(prim.path) is not None:
         return ""
     return wanted.needs
+
+
+def _lacks_body(task: Task, sensor: Sensor) -> bool:
+    """Whether a sensor of a body stands in none."""
+    wanted = task.recipe.sensor
+    holder = task.stage.prim(sensor.carrier) if sensor.carrier else None
+    inside = wanted.inside if wanted is not None else ""
+    return bool(inside) and (holder is None or inside not in holder.apis)
 
 
 def outputs(task: Task) -> Iterator[Hole]:

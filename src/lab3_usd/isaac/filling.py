@@ -7,6 +7,7 @@ from typing import Any
 
 from lab3_usd.errors import GraphError
 from lab3_usd.isaac.graph import Graph, Node, Wire, graph_node, make_graph, make_wire
+from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.recipes import Recipe, RecipeNode
 
@@ -48,12 +49,9 @@ def _nodes(
     for number, item in enumerate(items):
         name = item.get("name", f"{number:02}" if number else "") if entry.each else ""
         own = {**values, "item": item}
-        kind = platform.types.get(entry.type)
-        if kind is None:
-            known = platform.releases_of(entry.type)
-            there = f"; it is in {', '.join(known)}" if known else ""
-            raise GraphError(f"Isaac Sim {platform.release} has no {entry.type}{there}")
-        given = {port: _value(value, own) for port, value in entry.set.items()}
+        kind = _type(entry.type, platform)
+        given = _switches(kind, platform)
+        given |= {port: _value(value, own) for port, value in entry.set.items()}
         aims = {port: _value(value, own) for port, value in entry.targets.items()}
         try:
             yield graph_node(
@@ -65,6 +63,35 @@ def _nodes(
             )
         except GraphError as error:
             raise GraphError(f"{role}: {error}") from error
+
+
+def _type(name: str, platform: Platform) -> NodeType:
+    """Return a type of a release.
+
+    Raises:
+        GraphError: the release has none of this name, or another one under its former name.
+    """
+    kind, written = platform.types.get(name), platform.written_name(name)
+    if kind is None:
+        known = platform.releases_of(name)
+        there = f"; it is in {', '.join(known)}" if known else ""
+        raise GraphError(f"Isaac Sim {platform.release} has no {name}{there}")
+    if platform.type_name(written) != name:
+        raise GraphError(
+            f"{written} is another node there than {name} of Isaac Sim {platform.names.before} "
+            "and later"
+        )
+    return kind
+
+
+def _switches(kind: NodeType, platform: Platform) -> dict[str, Any]:
+    """Return the switches of a release that let a path win over the prim that a node names, off."""
+    gone = platform.changes.ports.get(kind.type, {})
+    return {
+        name.removeprefix(INPUT): False
+        for name, port in gone.items()
+        if port.off_for and name in kind.ports
+    }
 
 
 def _paths(aim: Any) -> tuple[str, ...]:

@@ -117,6 +117,11 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
         """
         return self.names.canonical(written, self.types)
 
+    def written_name(self, node_type: str) -> str:
+        """Return the name that a file of this release has for a type."""
+        is_early = order(self.release) < order(self.names.before)
+        return (self.names.former(node_type) if is_early else None) or node_type
+
     def get(self, written: str) -> NodeType | None:
         """Return the type that a file's `node:type` means, whichever release wrote it."""
         return self.types.get(self.type_name(written))

@@ -14,9 +14,13 @@ from msgspec import Struct
 
 
 class SensorKind(Struct, frozen=True, forbid_unknown_fields=True):
-    """The prims that a recipe publishes: of these types, with this schema, inside a body."""
+    """The prims that a recipe publishes: of these types, with this schema, inside a body.
+
+    Before the release `since` such sensors were other prims.
+    """
 
     types: tuple[str, ...]
+    since: str = ""
     needs: str = ""
     inside: str = ""
 

@@ -95,7 +95,7 @@ def author_node(layer: Sdf.Layer, node: AddNode, platform: Platform) -> None:
     )
     prim = _define_prim(layer, node.prim, platform.graph.node_type)
     _prepend_apis(prim, [platform.graph.gui_api])
-    _declare(prim, "node:type", "token", kind.type, custom=False)
+    _declare(prim, "node:type", "token", platform.written_name(kind.type), custom=False)
     _declare(prim, "node:typeVersion", "int", kind.version, custom=False)
     for port in kind.ports.values():
         _author_port(prim, port, values.get(port.name), targets.get(port.name, ()))
