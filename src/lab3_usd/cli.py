@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING, Any, Literal, NoReturn
 import click
 
 from lab3_usd import hooks
-from lab3_usd.commands.table import EXAMPLES, all_commands, command_named
+from lab3_usd.commands.table import EXAMPLES, FORMER, all_commands, command_named
 from lab3_usd.data import LAB_VARIABLE, TEAM_VARIABLE, as_called, program
 from lab3_usd.errors import (
     EXIT_CRASH,
@@ -28,6 +28,7 @@ from lab3_usd.errors import (
     NoRoomError,
     UsageError,
     failure_text,
+    guess,
     is_no_room,
 )
 
@@ -82,12 +83,10 @@ class LazyGroup(click.Group):
             if len(args) == 1:
                 click.echo(ctx.get_help())
                 ctx.exit()
-        name = args[0]
+        name = FORMER.get(args[0], args[0])
+        args = [name, *args[1:]]
         if command_named(name) is None and not name.startswith("-"):
-            from difflib import get_close_matches
-
-            close = " or ".join(f"'{match}'" for match in get_close_matches(name, all_commands()))
-            hint = f"did you mean {close}?" if close else f"{program()} --help lists all"
+            hint = guess(name, all_commands(), f"{program()} --help lists all")
             raise click.UsageError(f"there is no command '{name}'; {hint}")
         return super().resolve_command(ctx, args)
 

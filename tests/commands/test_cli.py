@@ -92,6 +92,10 @@ def test_an_unknown_command_is_wrong_use() -> None:
     assert "did you mean" not in result.stderr
 
 
+def test_a_command_keeps_the_name_that_it_had() -> None:
+    assert lab3("play", "--help").stdout == lab3("record", "--help").stdout
+
+
 @pytest.mark.parametrize(("slip", "meant"), [("chek", "check"), ("bild", "build"), ("tff", "tf")])
 def test_a_slip_in_a_command_is_answered_with_the_command(slip: str, meant: str) -> None:
     result = lab3(slip)

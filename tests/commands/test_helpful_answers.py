@@ -32,6 +32,7 @@ def carter(tmp_path: Path) -> Path:
     [
         ("note.usda", b"hello\n", "is not USD"),
         ("note.txt", b"hello\n", "'.txt' is not a USD ending"),
+        ("robot.zip", b"PK\x05\x06", "is an archive"),
         ("empty.usda", b"", "is empty"),
     ],
 )

@@ -45,7 +45,7 @@ CALLS = {
     "topics STAGE --force": "--graph",
     "--lab lab starter --force": "-o",
     "--lab lab collect --force": "-o",
-    "--lab lab play --force": "-o",
+    "--lab lab record --force": "-o",
     "grade sub --format gradescope --starter STARTER --rubric lab/rubric.yaml --maps maps": "-o",
 }
 READ = {

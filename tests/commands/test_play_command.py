@@ -1,4 +1,4 @@
-"""`lab3 play`: its script calls stand-ins for Isaac Sim's modules as those of 6.0.1 want it.
+"""`lab3 record`: its script calls stand-ins for Isaac Sim's modules as those of 6.0.1 want it.
 
 The names and signatures of the stand-ins are those of the public source, v6.0.1:
 isaacsim.simulation_app/simulation_app.py, isaacsim.core.experimental.utils/python/impl/app.py and
@@ -141,7 +141,7 @@ class IsaacSim:
 
 def written(folder: Path, *options: str) -> Path:
     script = folder / "play.py"
-    done = invoke("play", "-o", script, *options)
+    done = invoke("record", "-o", script, *options)
     assert (done.exit_code, done.stdout.strip()) == (0, str(script))
     return script
 
@@ -275,7 +275,7 @@ def test_a_script_that_exists_is_kept(tmp_path: Path) -> None:
     script = written(tmp_path)
     script.write_text("mine")
     with pytest.raises(UsageError):
-        invoke("play", "-o", script)
+        invoke("record", "-o", script)
     assert script.read_text() == "mine"
     written(tmp_path, "--force")
     assert script.read_text() != "mine"

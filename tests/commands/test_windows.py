@@ -33,7 +33,7 @@ CALLS = {
     "map": ["map", STAGE, "-o", "map"],
     "nav2": ["nav2", "-o", "nav2"],
     "collect": ["collect", "-o", "Łódź.sh"],
-    "play": ["play", "-o", "Łódź.py"],
+    "record": ["record", "-o", "Łódź.py"],
     "grade": ["grade", "work", "--starter", "Łódź starter.usda", "-o", "book"],
     "lab": ["lab", "check"],
     "demo": ["demo", "demo"],
@@ -45,7 +45,7 @@ CALLS = {
     "doctor": ["doctor"],
     "completion": ["completion", "bash"],
 }
-NAMED = ("starter", "check", "fix", "draw", "map", "nav2", "collect", "play", "lint")
+NAMED = ("starter", "check", "fix", "draw", "map", "nav2", "collect", "record", "lint")
 
 
 @pytest.fixture(scope="module")
@@ -76,7 +76,7 @@ def test_every_command_works(answers: dict[str, tuple[int, str]], command: str) 
     assert (status, "internal error" in text) == (0, False), text
 
 
-@pytest.mark.parametrize("command", ["starter", "check", "play", "lint", "tf"])
+@pytest.mark.parametrize("command", ["starter", "check", "record", "lint", "tf"])
 def test_what_it_prints_is_utf8(answers: dict[str, tuple[int, str]], command: str) -> None:
     letters = "└" if command == "tf" else "Łódź"
     assert letters in answers[command][1]

@@ -27,7 +27,7 @@ REFUSED = {
     "grade -o book --gradebook gradescope --roster STAGE": "Gradescope imports no points",
     "grade -o book --explain jane --scale": "--scale is for --gradebook",
     "grade -o book --explain jane --map STAGE": "--map is for --gradebook",
-    "grade --regrade book --gradebook canvas --roster STAGE --dry-run": "--dry-run writes nothing",
+    "grade --regrade book --gradebook canvas --roster STAGE --preview": "--preview writes nothing",
     "fix EMPTY": "holds no stage and no script, nor does a folder in it",
     "fix .": "--lint repairs stages of any name",
     "fix STAGE --diff --in-place": "exclude each other",

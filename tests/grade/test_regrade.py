@@ -200,10 +200,10 @@ def test_a_dry_run_shows_the_same_table_and_writes_nothing(book: Path, tmp_path:
     roster.write_text(EXPORT)
     options = ["-o", book, "--gradebook", "canvas", "--roster", roster]
     before = files_below(book)
-    code, dry = lab3(*options, "--dry-run")
+    code, dry = lab3(*options, "--preview")
     assert (code, files_below(book)) == (0, before)
     _, wet = lab3(*options)
-    assert dry.splitlines()[0] == f"{book / 'canvas.csv'}: not written (--dry-run)"
+    assert dry.splitlines()[0] == f"{book / 'canvas.csv'}: not written (--preview)"
     assert dry.splitlines()[1:] == wet.splitlines()[1:]
 
 

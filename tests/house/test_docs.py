@@ -29,6 +29,7 @@ from places import REPOSITORY
 
 from lab3_usd import cli, data
 from lab3_usd.check.registry import all_rules
+from lab3_usd.commands.table import FORMER
 from lab3_usd.report.formats.registry import all_formats
 from lab3_usd.spec.load import loader
 
@@ -288,9 +289,10 @@ def unknown_parts(text: str) -> list[str]:
         words = words[2:]
     if not words or words[0] in {"COMMAND", "help", "--help", "--version"}:
         return []
-    if words[0] not in cli.all_commands():
-        return [words[0]]
-    command = import_module(cli.all_commands()[words[0]].module).command
+    name = FORMER.get(words[0], words[0])
+    if name not in cli.all_commands():
+        return [name]
+    command = import_module(cli.all_commands()[name].module).command
     if isinstance(command, click.Group):
         if words[1:2] and words[1] not in command.commands:
             return [words[1]]

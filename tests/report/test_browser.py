@@ -261,7 +261,7 @@ def test_every_severity_can_be_switched_off(chromium: Browser, pages: dict[str, 
     assert len(chromium.shown(".card.note")) == 1
     assert chromium.texts(".chapter h4") == ["Section 8"]
     total = len(chromium.all(".card"))
-    assert chromium.one("output").text == f"1 of {total}"
+    assert chromium.one("output").text == f"1 of {total} findings"
     chromium.one(".tools button").click()
     wait_for(lambda: len(chromium.shown(".card")) == total)
 

@@ -107,6 +107,9 @@ EXAMPLES = {
 }
 
 
+FORMER = {"play": "record"}  # names of commands that are still understood
+
+
 def command_named(name: str) -> Command | None:
     """Return a command; a feature is imported only if it is not one of the core."""
     return _OF_THE_CORE.get(name) or all_commands().get(name)

@@ -114,6 +114,7 @@ def _refuse_empty(
 )
 @click.option(
     "--jobs",
+    "-j",
     type=click.IntRange(1, 256),
     metavar="N",
     help="Worker processes; by default the number of processors.",
@@ -209,8 +210,8 @@ def _check(submissions: str | None, asked: ClassOptions, export: ExportOptions) 
     if asked.out is None and asked.regrade is None and asked.form is None:
         raise click.UsageError("Missing option '--output' / '-o'.", click.get_current_context())
     _check_tables(asked)
-    if export.dry_run and (submissions is not None or asked.regrade is not None):
-        raise UsageError("--dry-run writes nothing: grade first, then give it with --gradebook")
+    if export.preview and (submissions is not None or asked.regrade is not None):
+        raise UsageError("--preview writes nothing: grade first, then give it with --gradebook")
 
 
 def _check_tables(asked: ClassOptions) -> None:
@@ -253,7 +254,7 @@ def _check_export(export: ExportOptions) -> None:
         "--column": export.column,
         "--scale": export.scale,
         "--map": export.given,
-        "--dry-run": export.dry_run,
+        "--preview": export.preview,
         "--feedback": export.feedback,
     }
     for option, value in of_exports.items():
@@ -280,8 +281,8 @@ def _fill_export(platform: str, roster: Path, asked: ClassOptions, options: Expo
         scale=options.scale,
     )
     path = out / export.name
-    if options.dry_run:
-        click.echo(f"{path}: not written (--dry-run)")
+    if options.preview:
+        click.echo(f"{path}: not written (--preview)")
     else:
         click.echo(write_export(out, export, force=asked.force))
         for returned in write_feedback(out, export, book) if options.feedback else ():

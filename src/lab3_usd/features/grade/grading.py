@@ -66,7 +66,7 @@ class ExportOptions(Struct, frozen=True):
     scale: bool
     given: Path | None
     feedback: bool
-    dry_run: bool
+    preview: bool
 
 
 export_options = all_of(
@@ -95,6 +95,12 @@ export_options = all_of(
         is_flag=True,
         help="With --gradebook: also write what returns reasons and reports on the platform.",
     ),
-    click.option("--dry-run", is_flag=True, help="Only show what --gradebook would fill in."),
+    click.option(
+        "--preview",
+        "--dry-run",
+        "preview",
+        is_flag=True,
+        help="Only show what --gradebook would fill in.",
+    ),
     recorded("export", ExportOptions),
 )

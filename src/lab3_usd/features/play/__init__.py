@@ -4,10 +4,10 @@ from lab3_usd.hooks import Command, Feature
 
 FEATURE = Feature(
     commands={
-        "play": Command(
+        "record": Command(
             "students",
-            "Write the script that plays the stages in Isaac Sim itself.",
-            ("lab3 play -o play.py",),
+            "Write a script that records the stages in Isaac Sim itself.",
+            ("lab3 record -o play.py",),
             "lab3_usd.features.play.play",
         ),
     },

@@ -1,4 +1,4 @@
-"""`lab3 play`: write the script that plays the stages in Isaac Sim itself."""
+"""`lab3 record`: write the script that plays the stages in Isaac Sim itself."""
 
 from __future__ import annotations
 
@@ -62,10 +62,10 @@ def _leg_text(leg: Leg) -> str:
     return ",".join(f"{number:g}" for number in (round(leg.seconds, 4), *(leg.command or ())))
 
 
-@click.command("play")
+@click.command("record")
 @written_file("script", "Where to write the script.")
 def command(script: Path, *, force: bool) -> None:
-    """Write the script that plays the stages in Isaac Sim itself, and records them.
+    """Write a script that plays the stages in Isaac Sim itself, and records bags.
 
     For the Python of Isaac Sim 6.0.1, on a computer that also has ROS 2: it opens each stage of the
     lab without a window, drives the robot as `lab3 sim` does, and records bags for `lab3 bag`. It

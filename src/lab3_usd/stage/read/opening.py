@@ -28,6 +28,7 @@ _ARGUMENTS = ":SDF_FORMAT_ARGS:"
 _DAMAGE = (Tf.ErrorException, UnicodeDecodeError)
 ENDINGS = (".usd", ".usda", ".usdc", ".usdz")
 _ENDINGS_BY_START = {b"#usda": (".usda", ".usd"), b"PXR-U": (".usd", ".usdc")}
+_ARCHIVES = (".zip", ".tar", ".tgz", ".gz", ".xz", ".bz2", ".7z", ".rar")
 _MOST_OPEN = 2
 TEXT = b"#usda"
 _BINARY = (CRATE, PACKAGE, codecs.BOM_UTF8)
@@ -328,6 +329,9 @@ def _other_ending(path: Path, start: bytes) -> StageError:
             f"{path}: is a script and no stage; {program()} lint judges the graphs that scripts "
             "build"
         )
+    if not endings and path.suffix.lower() in _ARCHIVES:
+        repair = "unpack it, and name a stage in it or the folder"
+        return StageError(f"{path}: is an archive, and no package of USD (.usdz)", repair=repair)
     if not endings:
         return StageError(f"{text}, and the content is not USD", repair="name a stage")
     stem = inner.stem if inner.suffix.lower() in ENDINGS else inner.name

@@ -44,7 +44,7 @@
     }
     const filtered = shown < cards.length || stage || words.length;
     tools.classList.toggle("filtered", Boolean(filtered));
-    output.value = filtered ? `${shown} of ${cards.length}` : "";
+    output.value = filtered ? `${shown} of ${cards.length} findings` : "";
   }
 
   // The filter is in the address, where no finding is: as what a form would send.
