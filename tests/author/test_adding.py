@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from bare_robots import ROVER, add_lidar, add_link, add_rover, new_stage, rover_at
+from bare_robots import BARE, ROVER, add_lidar, add_link, add_rover, new_stage, rover_at
 from in_process import lab3
 from invoking import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -84,8 +84,9 @@ def test_each_pair_of_four_wheels_has_a_controller(tmp_path: Path) -> None:
     assert names == [["left_joint", "right_joint"], ["left_joint1", "right_joint1"]]
 
 
-def test_three_commands_make_a_rover_drive_and_the_linter_silent(tmp_path: Path) -> None:
-    path = rover_at(tmp_path)
+@pytest.mark.parametrize("made", BARE)
+def test_three_commands_make_a_robot_drive_and_the_linter_silent(made: str, tmp_path: Path) -> None:
+    path = BARE[made](tmp_path)
     for kind in ("clock", "drive", "odometry"):
         assert invoke("add", kind, path, "--in-place").exit_code == 0
     assert [f.rule for f in lint_stage(path).findings if f.severity != "note"] == []

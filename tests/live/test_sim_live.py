@@ -18,6 +18,7 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
+from bare_robots import BARE, with_three_graphs
 from breaking import broken, correct_stage, the_lab
 from dry_runs import EXPECTED, driven
 from foreign_robots import arm, car_and_arm, rover
@@ -157,6 +158,18 @@ def test_another_program_hears_and_drives_it(player: Player, link: DdsLink, doma
     x, y, _ = player.robot.pose().origin
     assert x - 1.8 >= heard["x"] - 1e-6
     assert y == pytest.approx(0.0, abs=1e-6)
+
+
+@pytest.mark.parametrize("made", BARE)
+def test_it_drives_a_robot_to_which_three_commands_gave_its_graphs(
+    made: str, tmp_path: Path, link: DdsLink, domain: int
+) -> None:
+    stage = Usd.Stage.Open(str(with_three_graphs(BARE[made](tmp_path))))
+    scene, platform = read_scene(stage, load_platform()), load_platform()
+    (robot,) = robots_of(scene, platform)
+    player = player_of(scene, platform, replace(expected_of(robot), domain=0))
+    heard = driven_by([sys.executable, str(PEERS / "peer.py"), str(domain)], player, link)
+    assert heard["x"] >= 0.1
 
 
 def test_so_does_a_program_of_another_vendor(

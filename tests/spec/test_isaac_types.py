@@ -16,6 +16,7 @@ from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.load.platform import assemble_platform
 from lab3_usd.isaac.node_types import Port
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.compiled import FILE, compiled_or_loaded
 from lab3_usd.spec.load.loader import assemble, load_lab, load_platform
@@ -124,6 +125,13 @@ def test_an_earlier_release_has_its_own_defaults_and_ports() -> None:
 
 def test_the_release_of_the_lab_is_the_catalog_itself() -> None:
     assert TYPES.in_release("6.0") is TYPES
+
+
+@pytest.mark.parametrize(
+    ("name", "release"), [("6.0.1", "6.0"), ("2023.1.1", "2023.1"), ("5.1", "5.1")]
+)
+def test_the_repair_of_a_release_is_the_release(name: str, release: str) -> None:
+    assert lint_platform(name).release == release
 
 
 def test_a_port_that_is_gone_tells_the_release() -> None:

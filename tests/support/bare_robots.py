@@ -7,6 +7,10 @@ from pathlib import Path
 from places import REPOSITORY
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
+from lab3_usd.author.adding import AddOptions, add_graphs
+from lab3_usd.author.request import Request
+from lab3_usd.isaac.releases import BASE
+
 ROVER = REPOSITORY / "docs" / "examples" / "rover.usda"
 LIDAR_API = "OmniSensorGenericLidarCoreAPI"
 
@@ -95,4 +99,36 @@ def rover_at(folder: Path, name: str = "rover.usda") -> Path:
     """Copy the rover of the documentation."""
     path = folder / name
     path.write_bytes(ROVER.read_bytes())
+    return path
+
+
+def carter_at(folder: Path) -> Path:
+    """Copy the carter of the documentation, without its graphs."""
+    path = folder / "carter.usda"
+    layer = Sdf.Layer.FindOrOpen(str(REPOSITORY / "docs" / "examples" / "carter.usda"))
+    bare = Sdf.Layer.CreateNew(str(path))
+    bare.TransferContent(layer)
+    for name in ("differential_drive", "odometry"):
+        del bare.GetPrimAtPath("/World/Carter").nameChildren[name]
+    bare.Save()
+    return path
+
+
+def payload_at(folder: Path) -> Path:
+    """Write a stage that holds the rover of the documentation behind a payload."""
+    stage = new_stage(folder / "payload.usda")
+    robot = stage.DefinePrim("/World/Robot", "Xform")
+    robot.GetPayloads().AddPayload(f"./{rover_at(folder).name}", "/World/Rover")
+    stage.Save()
+    return folder / "payload.usda"
+
+
+BARE = {"rover": rover_at, "carter": carter_at, "payload": payload_at}
+
+
+def with_three_graphs(path: Path) -> Path:
+    """Add what three commands add: clock, drive and odometry."""
+    added = add_graphs(path, [Request(k) for k in ("clock", "drive", "odometry")], AddOptions(BASE))
+    assert added.data is not None
+    path.write_bytes(added.data)
     return path

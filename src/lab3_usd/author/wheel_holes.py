@@ -129,7 +129,10 @@ def _radius_hole(
         listed = ", ".join(
             f"{leaf(w.joint.link)} {size:.4g} m" for w, size in zip(wheels, sizes, strict=True)
         )
-        raise UsageError(f"the wheels of {robot.path} have unequal radii: {listed}; give --radius")
+        raise UsageError(
+            f"the wheels of {robot.path} have unequal radii: {listed}; give --radius, and --force: "
+            "with wheels of two sizes it drives a curve"
+        )
     size = round(sum(sizes) / len(sizes), _DIGITS)
     return Hole(name, size, label, f"{size:.3f} m", f"collider {wheels[0].shape}", "--radius")
 

@@ -51,9 +51,15 @@ def lab_in_release(lab: Lab, release: str, checkpoint: str | None = None) -> Lab
 @lru_cache(maxsize=8)
 def _in_release(platform: Platform, release: str) -> Platform:
     known = platform.known_releases
-    if release not in known:
+    parts = release.split(".")
+    is_patch = len(parts) > _PARTS and all(part.isdecimal() for part in parts)
+    name = ".".join(parts[:_PARTS]) if is_patch else release
+    if name not in known:
         raise UsageError(f"there is no Isaac Sim '{release}' here; known are {', '.join(known)}")
-    return platform.in_release(release)
+    return platform.in_release(name)
+
+
+_PARTS = 2  # of the name of a release; what follows counts repairs of it: 6.0.1, 2023.1.1
 
 
 def scene_at(path: str, platform: Platform) -> StageModel | None:
