@@ -91,10 +91,6 @@ class TfView(Struct, frozen=True, eq=False):
         is_required = (edge.parent, edge.child) in self.subject.lab.frames.edges
         return is_required and edge.cause in self.role_specs
 
-    def are_one(self, _domains: Iterable[Domain]) -> bool:
-        """Whether domains of one name are one: the lab's environment names none but its own."""
-        return True
-
     def is_beside(self, heard: HeardTree) -> bool:
         """Whether who listens to the lab's transforms never hears these."""
         sent_by_roles = any({e.cause, e.publisher} & {*self.role_specs} for e in heard.tree.edges)
@@ -116,10 +112,6 @@ class TfView(Struct, frozen=True, eq=False):
         required = {child for _, child in frames.edges}
         return tops if required <= heard.tree.below(*tops) else ()
 
-    def self_targets(self) -> Iterator[Problem]:
-        """Yield where target prims make a frame its own parent."""
-        return self_target_problems(self)
-
     def message_frames(self) -> Iterator[MessageFrame]:
         """Yield the frames of messages that no rule of nodes or settings finds fault with."""
         subject = self.subject
@@ -138,14 +130,6 @@ class TfView(Struct, frozen=True, eq=False):
     def frames_in(self, domain: str) -> frozenset[str]:
         """Return the frames that are published in a domain, and those that the lab asks for."""
         return _frames_or_asked(self, domain)
-
-    def frames_left_open(self) -> UnresolvedAsset | None:
-        """Return the missing asset that may hold further frames."""
-        return self.stage.unknown(*(frames.prim for frames in self.hidden))
-
-    def is_required(self, node: Node) -> bool:
-        """Whether a node plays a role."""
-        return node.path in self.role_specs
 
     def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
         """Return the types of nodes without a role that send transforms: another may be meant."""

@@ -171,6 +171,19 @@ def robots_shown(edges: Iterable[Edge], stage: StageModel) -> set[str]:
     return {robot for robot in robots if bodies.sizes[robot] > 1}
 
 
+def known_tops(heard: HeardTree, stage: StageModel) -> tuple[str, ...]:
+    """Return the top of the largest tree, and of those of other robots, where all are known."""
+    if not is_tree_known(stage):
+        return ()
+    tops, shown = list[str](), set[str]()
+    for edges, frames in heard.tree.parts:
+        robots = robots_shown(edges, stage)
+        if not tops or (robots and shown.isdisjoint(robots)):
+            tops += [top for top in heard.tree.roots if top in frames][:1]
+            shown |= robots
+    return tuple(tops)
+
+
 @once_per_stage
 def frames_in(stage: StageModel, domain: str) -> frozenset[str]:
     """Return the frames that are published in a domain, on whatever topic."""

@@ -2,32 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from typing import TYPE_CHECKING, Literal, Protocol
 
 from msgspec import Struct, field
 
-from lab3_usd.facts.domains import Domain, are_surely_one
-from lab3_usd.facts.execution_order import live_nodes, run_states, unevaluated_by
-from lab3_usd.facts.frame_targets import tf_ports
-from lab3_usd.facts.frames import (
-    Edge,
-    HeardTree,
-    frames_in,
-    heard_trees,
-    is_tree_known,
-    robots_shown,
-    shared_tf_topics,
-)
-from lab3_usd.facts.message_frames import MessageFrame, message_frames
+from lab3_usd.facts.execution_order import live_nodes, run_states
 from lab3_usd.facts.reaching_values import Nodes
-from lab3_usd.facts.stalled_nodes import is_needed
 from lab3_usd.facts.stuck_nodes import is_module
-from lab3_usd.facts.wires import connections, find_cycles
-from lab3_usd.isaac.graph_form import GraphAttribute
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.finding import Finding, Place, Problem, Requirement
-from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
+from lab3_usd.model.finding import Finding, Requirement
+from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
 
 if TYPE_CHECKING:
     from lab3_usd.check.registry import Parameter, Parameters
@@ -88,66 +73,6 @@ class ModelSubject(Protocol):
         """The release of Isaac Sim by which it is judged."""
 
 
-class GraphsSubject(ModelSubject, Protocol):
-    """The graphs of a stage that are judged: all of them, or the one that a spec describes."""
-
-    def graphs(self) -> Iterator[GraphModel]:
-        """Yield the graphs, in the scene or not."""
-
-    def nodes(self) -> Iterator[Node]:
-        """Yield the nodes of the scene that are judged: all of them, or those with a role."""
-
-    def judges_value(self, node: Node, port: str) -> bool:
-        """Whether the value of an input is judged: any, or one that the spec sets."""
-
-    def judged_targets(self, node: Node) -> Iterator[tuple[str, str]]:
-        """Yield the targets that should exist, by port: all, or those that the spec leaves open."""
-
-    def accepts_form(self, graph: GraphModel, attribute: GraphAttribute) -> bool:
-        """Whether an attribute lets the graph be evaluated, or is as the spec asks."""
-
-    def newest_version(self, node: Node) -> int | None:
-        """Return the newest version of a node's type that is known, None where none is."""
-
-    @property
-    def wire_faults(self) -> tuple[WireFault, ...]:
-        """What is wrong with the wires: by themselves, or beside those of the spec."""
-
-
-class TransformsSubject(ModelSubject, Protocol):
-    """The transforms of a stage that are judged, beside the tree that a spec asks for, if any."""
-
-    def trees(self) -> tuple[HeardTree, ...]:
-        """Return the transforms, by listener, that no other rule finds fault with."""
-
-    def is_asked(self, edge: Edge) -> bool:
-        """Whether a spec asks for a transform, of the node that sends it."""
-
-    def are_one(self, domains: Iterable[Domain]) -> bool:
-        """Whether domains of one name are one in every environment that counts."""
-
-    def tops(self, heard: HeardTree) -> tuple[str, ...]:
-        """Return the frames that all others are to hang together with; none where it is unknown."""
-
-    def self_targets(self) -> Iterator[Problem]:
-        """Yield where a role's own settings make a frame its own parent."""
-
-    def message_frames(self) -> Iterator[MessageFrame]:
-        """Yield the frames of messages that no other rule finds fault with."""
-
-    def frames_in(self, domain: str) -> Collection[str]:
-        """Return the frames that are published in a domain; none where this is unknown."""
-
-    def frames_left_open(self) -> UnresolvedAsset | None:
-        """Return the missing asset that may hold further frames."""
-
-    def is_required(self, node: Node) -> bool:
-        """Whether a spec asks for a node."""
-
-    def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
-        """Return the nodes that a problem of transforms rests on."""
-
-
 class GraphSubject(Struct, frozen=True, eq=False):
     """One graph of the spec beside its graph in the stage.
 
@@ -178,27 +103,9 @@ class GraphSubject(Struct, frozen=True, eq=False):
         """Yield the nodes that play a role."""
         return (node for node, _ in self.matched)
 
-    def judges_value(self, node: Node, port: str) -> bool:
-        """Whether the spec sets the value of an input."""
-        role = self.roles.role_of.get(node.path)
-        settings = () if role is None else self.spec.nodes[role].settings
-        return any(setting.port == port for setting in settings)
-
-    def judged_targets(self, node: Node) -> Iterator[tuple[str, str]]:
-        """Yield the targets beside those that the spec asks for, where a list may have more."""
-        spec = self.spec.nodes[self.roles.role_of[node.path]]
-        for port in spec.frames_from:
-            asked = {path for target in spec.targets for path in target.prims}
-            yield from ((port, path) for path in node.targets(port) if path not in asked)
-
-    def accepts_form(self, graph: GraphModel, attribute: GraphAttribute) -> bool:
-        """Whether an attribute has a value of an Action Graph."""
-        value = graph.attributes.get(attribute.name, attribute.unwritten)
-        return not attribute.required or value in attribute.accepted
-
-    def newest_version(self, node: Node) -> int | None:
-        """Return the version that the type of a node has in the release of the lab."""
-        return self.spec.nodes[self.roles.role_of[node.path]].type.version
+    def spec_of(self, node: Node) -> NodeSpec:
+        """Return what is asked of a node that plays a role."""
+        return self.spec.nodes[self.roles.role_of[node.path]]
 
 
 class StageSubject(Struct, frozen=True, eq=False):
@@ -307,111 +214,9 @@ class LintSubject(Struct, frozen=True, eq=False):
         """Yield the nodes of all active graphs."""
         return iter(self.live.values())
 
-    def judges_value(self, node: Node, port: str) -> bool:  # noqa: ARG002 - see GraphsSubject
-        """Every value is judged."""
-        return True
-
-    def judged_targets(self, node: Node) -> Iterator[tuple[str, str]]:
-        """Yield all targets."""
-        return ((port, path) for port, state in node.ports.items() for path in state.targets)
-
-    def accepts_form(self, graph: GraphModel, attribute: GraphAttribute) -> bool:
-        """Whether an attribute does not keep the nodes of a graph from being evaluated."""
-        is_judged = graph.active and bool(graph.nodes)
-        return not is_judged or attribute.name != unevaluated_by(graph, self.stage)
-
-    def newest_version(self, node: Node) -> int | None:
-        """Return the newest version in any release, None where a type may have more of them."""
-        if node.type is None or node.type.may_have_more:
-            return None
-        return self.platform.newest_version(node.type)
-
-    @property
-    def wire_faults(self) -> tuple[WireFault, ...]:
-        """What is wrong with the wires by themselves."""
-        return _wire_faults(self.stage)
-
-    def trees(self) -> tuple[HeardTree, ...]:
-        """Return the transforms by listener."""
-        return heard_trees(self.stage)
-
-    def is_asked(self, _edge: Edge) -> bool:
-        """Whether a spec asks for a transform, which no stage without a lab has."""
-        return False
-
-    def are_one(self, domains: Iterable[Domain]) -> bool:
-        """Whether domains of one name are one in every environment."""
-        return are_surely_one(domains)
-
-    def tops(self, heard: HeardTree) -> tuple[str, ...]:
-        """Return the top of the largest tree, and of those of other robots, where all are known."""
-        if not is_tree_known(self.stage):
-            return ()
-        tops, shown = list[str](), set[str]()
-        for edges, frames in heard.tree.parts:
-            robots = robots_shown(edges, self.stage)
-            if not tops or (robots and shown.isdisjoint(robots)):
-                tops += [top for top in heard.tree.roots if top in frames][:1]
-                shown |= robots
-        return tuple(tops)
-
-    def self_targets(self) -> Iterator[Problem]:
-        """Yield where a role's own settings make a frame its own parent: there are no roles."""
-        yield from ()
-
-    def message_frames(self) -> Iterator[MessageFrame]:
-        """Yield the frames of messages."""
-        yield from message_frames(self.stage)
-
-    def frames_in(self, domain: str) -> Collection[str]:
-        """Return the frames that are published in a domain, where all transforms are known."""
-        is_known = is_tree_known(self.stage)
-        return frames_in(self.stage, domain) if is_known else ()
-
-    def frames_left_open(self) -> UnresolvedAsset | None:
-        """Return the missing asset that may hold further frames: then no frame is judged."""
-        return None
-
-    def is_required(self, _node: Node) -> bool:
-        """Whether a spec asks for a node: without one, all count alike."""
-        return True
-
-    def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
-        """Return the names and the namespaces that a problem of transforms rests on."""
-        edges = tuple(edges)
-        publishers = {edge.publisher for edge in edges}
-        named = (self.live[path] for path in dict.fromkeys(edge.cause for edge in edges))
-        return (
-            *((node.path, port) for node in named for port in tf_ports(node).names),
-            *(
-                (shared.prim, self.platform.ros.namespace_attribute)
-                for shared in shared_tf_topics(self.stage)
-                if any(publishers & {*paths} for paths in shared.publishers.values())
-            ),
-        )
-
     def title(self, node: Node) -> str:
         """Return what a node is called in the graph editor."""
         return node.type.ui_name if node.type is not None else node.type_name or "a node"
 
 
-@once_per_stage
-def _wire_faults(stage: StageModel) -> tuple[WireFault, ...]:
-    """Return what is wrong with the wires of a stage, whatever they are for."""
-    faults = []
-    fed: dict[tuple[str, str], str] = {}
-    for wire in connections(stage):
-        if not wire.has_source:
-            is_dead = is_needed(wire.node, wire.port, stage)
-            kind: Kind = "dead" if is_dead else "leftover"
-            faults.append(WireFault(kind, wire.node, wire.port, None, wire.path))
-        elif wire.is_live and not wire.is_compatible:
-            faults.append(WireFault("incompatible", wire.node, wire.port, None, wire.path))
-        elif wire.is_live and wire.brings_data:
-            first = fed.setdefault((wire.node.path, wire.port), wire.path)
-            if first != wire.path:
-                faults.append(WireFault("second", wire.node, wire.port, first, wire.path))
-    faults += [
-        WireFault("cycle", wire.node, wire.port, None, wire.path) for wire in find_cycles(stage)
-    ]
-    return tuple(faults)
+GraphsSubject = LintSubject | GraphSubject

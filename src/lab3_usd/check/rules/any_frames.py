@@ -8,28 +8,72 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
 
+from lab3_usd.check.lab_frames import TfView, self_target_problems
 from lab3_usd.check.lab_topics import once_there
-from lab3_usd.check.match.rule_inputs import TransformsSubject
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import frame_places, rule
-from lab3_usd.facts.frames import Edge
-from lab3_usd.facts.message_frames import odometry_pairs
+from lab3_usd.facts.domains import are_surely_one
+from lab3_usd.facts.frame_targets import tf_ports
+from lab3_usd.facts.frames import (
+    Edge,
+    HeardTree,
+    frames_in,
+    heard_trees,
+    is_tree_known,
+    known_tops,
+    shared_tf_topics,
+)
+from lab3_usd.facts.message_frames import message_frames, odometry_pairs
 from lab3_usd.facts.tree import Tree, tree_of
 from lab3_usd.model.changes import SetValue
-from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.finding import Place, Problem, Severity
+
+TransformsSubject = LintSubject | TfView
+
+
+def _trees(subject: TransformsSubject) -> tuple[HeardTree, ...]:
+    """Return the transforms, by listener, that no other rule finds fault with."""
+    return heard_trees(subject.stage) if isinstance(subject, LintSubject) else subject.trees()
+
+
+def _are_one(edges: Iterable[Edge], subject: TransformsSubject) -> bool:
+    """Whether domains of one name are one: in a lab, whose environment names none but its own."""
+    return isinstance(subject, TfView) or are_surely_one(edge.domain for edge in edges)
+
+
+def _is_asked(edge: Edge, subject: TransformsSubject) -> bool:
+    """Whether a lab asks for a transform, of the node that sends it."""
+    return isinstance(subject, TfView) and subject.is_asked(edge)
+
+
+def _assumed(edges: Iterable[Edge], subject: TransformsSubject) -> tuple[Place, ...]:
+    """Return what a problem of transforms rests on: the names and namespaces, or the types."""
+    if isinstance(subject, TfView):
+        return subject.assumed(edges)
+    edges = tuple(edges)
+    publishers = {edge.publisher for edge in edges}
+    causes = (subject.live[path] for path in dict.fromkeys(edge.cause for edge in edges))
+    return (
+        *((node.path, port) for node in causes for port in tf_ports(node).names),
+        *(
+            (shared.prim, subject.platform.ros.namespace_attribute)
+            for shared in shared_tf_topics(subject.stage)
+            if any(publishers & {*paths} for paths in shared.publishers.values())
+        ),
+    )
 
 
 def _severity(clashes: Iterable[Sequence[Edge]], subject: TransformsSubject) -> Severity | None:
     """Return how grave it is that transforms clash: a warning where none of them surely do."""
     is_sure = any(
-        all(edge.sure for edge in edges) and subject.are_one(edge.domain for edge in edges)
-        for edges in clashes
+        all(edge.sure for edge in edges) and _are_one(edges, subject) for edges in clashes
     )
     return None if is_sure else "warning"
 
 
 def _right(edges: Sequence[Edge], subject: TransformsSubject) -> Edge:
     """Return the transform that stays: the one that a lab asks for, else the first."""
-    return next((edge for edge in edges if subject.is_asked(edge)), edges[0])
+    return next((edge for edge in edges if _is_asked(edge, subject)), edges[0])
 
 
 def _others(edges: Iterable[Edge], site: Edge) -> tuple[str, ...]:
@@ -50,7 +94,7 @@ def two_parents(subject: TransformsSubject) -> Iterator[Problem]:
     Example: `/Graph/Frames` publishes `{root} -> {link}` beside `{base} -> {link}` of another
     graph.
     """
-    for heard in subject.trees():
+    for heard in _trees(subject):
         clashes: dict[str, list[tuple[Edge, Edge]]] = {}
         for child in heard.tree.several_parents:
             if child not in heard.tree.cycle:
@@ -74,7 +118,7 @@ def two_parents(subject: TransformsSubject) -> Iterator[Problem]:
                 related=_others(rivals, wrong[0]),
                 severity=_severity(pairs, subject),
                 covers=frame_places(*children),
-                assumes=subject.assumed(edge for pair in pairs for edge in pair),
+                assumes=_assumed((edge for pair in pairs for edge in pair), subject),
             )
 
 
@@ -91,7 +135,7 @@ def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
 
     Example: `{tree_graph_name}` was copied to `/World`, and both publish `{root} -> {base}`.
     """
-    for heard in subject.trees():
+    for heard in _trees(subject):
         again: dict[str, list[tuple[Edge, Edge]]] = {}
         for edges in heard.tree.several_publishers.values():
             right = _right(edges, subject)
@@ -108,7 +152,7 @@ def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
                 actual=sites,
                 related=_others(rivals, pairs[0][0]),
                 severity=_severity(pairs, subject),
-                assumes=(*subject.assumed(edge for edge, _ in pairs), once_there(publisher)),
+                assumes=(*_assumed((edge for edge, _ in pairs), subject), once_there(publisher)),
             )
         for same in _of_several_prims(heard.tree):
             prims = " and ".join(dict.fromkeys(str(edge.prim) for edge in same))
@@ -150,8 +194,9 @@ def self_transform(subject: TransformsSubject) -> Iterator[Problem]:
 
     Example: Parent Prim is `{robot}/{base}`, and so is one of the Target Prims.
     """
-    yield from subject.self_targets()
-    for heard in subject.trees():
+    if isinstance(subject, TfView):
+        yield from self_target_problems(subject)
+    for heard in _trees(subject):
         own: dict[tuple[str, str], Edge] = {}
         for edge in heard.tree.self_parents:
             own.setdefault((edge.cause, edge.child), edge)
@@ -163,7 +208,7 @@ def self_transform(subject: TransformsSubject) -> Iterator[Problem]:
                 related=() if edge.publisher == cause else (edge.publisher,),
                 severity=_severity([(edge,)], subject),
                 covers=frame_places(frame),
-                assumes=subject.assumed([edge]),
+                assumes=_assumed([edge], subject),
             )
 
 
@@ -178,7 +223,7 @@ def frame_cycle(subject: TransformsSubject) -> Iterator[Problem]:
 
     Example: a second publisher sends `{link} -> {base}` beside `{base} -> {link}`.
     """
-    for heard in subject.trees():
+    for heard in _trees(subject):
         cycle = heard.tree.cycle
         inside = [
             edge
@@ -186,10 +231,10 @@ def frame_cycle(subject: TransformsSubject) -> Iterator[Problem]:
             if edge.parent in cycle and edge.child in cycle and edge.parent != edge.child
         ]
         if inside:
-            is_sure = subject.are_one(edge.domain for edge in inside)
+            is_sure = _are_one(inside, subject)
             is_sure = is_sure and bool(tree_of(edge for edge in inside if edge.sure).cycle)
             site = next(
-                (edge for edge in reversed(inside) if not subject.is_asked(edge)), inside[-1]
+                (edge for edge in reversed(inside) if not _is_asked(edge, subject)), inside[-1]
             )
             yield Problem(
                 site.cause,
@@ -197,7 +242,7 @@ def frame_cycle(subject: TransformsSubject) -> Iterator[Problem]:
                 actual=f"{site.parent} -> {site.child}",
                 related=_others(inside, site),
                 severity=None if is_sure else "warning",
-                assumes=subject.assumed([site]),
+                assumes=_assumed([site], subject),
             )
 
 
@@ -218,8 +263,9 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
     Example: a second Isaac Compute Transform Tree has no parent prim and publishes `world ->
     {link}`.
     """
-    for heard in subject.trees():
-        tops = subject.tops(heard)
+    view = subject if isinstance(subject, TfView) else None
+    for heard in _trees(subject):
+        tops = known_tops(heard, subject.stage) if view is None else view.tops(heard)
         if not tops or heard.tree.below(*tops) >= heard.tree.frames:
             continue
         for edges, frames in heard.tree.parts:
@@ -236,7 +282,7 @@ def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
                     fix=joins,
                     likely=True,
                     severity=_severity(((edge,) for edge in loose), subject),
-                    assumes=subject.assumed(loose),
+                    assumes=_assumed(loose, subject),
                     covers=tuple((edit.prim, edit.property) for edit in joins),
                     identity=min(frames - {edge.child for edge in loose}, default=""),
                 )
@@ -279,16 +325,22 @@ def unpublished_frame(subject: TransformsSubject) -> Iterator[Problem]:
 
     Example: an IMU publisher keeps its default frame id, and no transform places that frame.
     """
-    for named in subject.message_frames():
-        frames = subject.frames_in(named.endpoint.domain.name)
+    view = subject if isinstance(subject, TfView) else None
+    if view is None and not is_tree_known(subject.stage):
+        return
+    for named in message_frames(subject.stage) if view is None else view.message_frames():
+        node, domain = named.endpoint.node, named.endpoint.domain.name
+        frames = frames_in(subject.stage, domain) if view is None else view.frames_in(domain)
         if frames and named.name not in frames:
+            is_free = view is not None and node.path not in view.role_specs
+            hidden = () if view is None else [unknown.prim for unknown in view.hidden]
             yield Problem(
-                named.endpoint.node.path,
+                node.path,
                 f"{named.port} is '{named.name}', a frame that the stage does not publish",
                 property=named.port,
                 expected=", ".join(sorted(frames)),
                 actual=named.name,
-                severity=None if subject.is_required(named.endpoint.node) else "warning",
-                assumes=((named.endpoint.node.path, named.port),),
-                rests_on=subject.frames_left_open(),
+                severity="warning" if is_free else None,
+                assumes=((node.path, named.port),),
+                rests_on=subject.stage.unknown(*hidden),
             )

@@ -5,7 +5,12 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.check.fold import absent_above, of_one_cause
-from lab3_usd.check.match.rule_inputs import GraphsSubject, LintSubject, StageSubject
+from lab3_usd.check.match.rule_inputs import (
+    GraphsSubject,
+    GraphSubject,
+    LintSubject,
+    StageSubject,
+)
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import VERSION, other_names
 from lab3_usd.facts.execution_order import live_nodes, unevaluated_by
@@ -18,6 +23,7 @@ from lab3_usd.model.stage import (
     DEACTIVATED,
     OVER,
     GraphModel,
+    Node,
     StageModel,
     absence_reason,
     nodes_outside_graphs,
@@ -70,13 +76,15 @@ def graph_not_evaluated(subject: GraphsSubject) -> Iterator[Problem]:
     Basis: NVIDIA's documentation of the OmniGraph schema for evaluation modes, and
     `OgnOnPhysicsStep.cpp:139-149` for on-demand graphs. Kit's own code is not public.
     """
-    is_of_lab = not isinstance(subject, LintSubject)
+    is_of_lab = isinstance(subject, GraphSubject)
     for graph in subject.graphs():
         cause = unevaluated_by(graph, subject.stage)
+        is_idle = not graph.active or not graph.nodes
         for attribute in subject.platform.graph.attributes:
-            if subject.accepts_form(graph, attribute):
-                continue
             value = graph.attributes.get(attribute.name, attribute.unwritten)
+            is_as_asked = not attribute.required or value in attribute.accepted
+            if is_as_asked if is_of_lab else is_idle or attribute.name != cause:
+                continue
             effect = ": the graph is never evaluated" if attribute.name == cause else ""
             right = SetValue(graph.path, attribute.name, attribute.usd_type, attribute.value)
             yield Problem(
@@ -182,7 +190,7 @@ def newer_version(subject: GraphsSubject) -> Iterator[Problem]:
     Example: ROS2 Context of version 9, while 6.2 has 2.
     """
     for node in subject.nodes():
-        newest = subject.newest_version(node)
+        newest = _newest_version(node, subject)
         if node.version is not None and newest is not None and node.version > newest:
             yield Problem(
                 node.path,
@@ -191,6 +199,15 @@ def newer_version(subject: GraphsSubject) -> Iterator[Problem]:
                 expected=str(newest),
                 actual=str(node.version),
             )
+
+
+def _newest_version(node: Node, subject: GraphsSubject) -> int | None:
+    """Return the version in the lab's release, or in any; None where a type may have more."""
+    if isinstance(subject, GraphSubject):
+        return subject.spec_of(node).type.version
+    if node.type is None or node.type.may_have_more:
+        return None
+    return subject.platform.newest_version(node.type)
 
 
 @rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
@@ -210,7 +227,7 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
     for node in subject.nodes():
         for name, state in node.ports.items():
             declared = node.wrong_type(name) if state.usd_type else None
-            if declared is None or node.type is None or not subject.judges_value(node, name):
+            if declared is None or node.type is None or not _is_judged(node, name, subject):
                 continue
             port = node.type.port(name)
             if port is None:
@@ -224,6 +241,13 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
                 actual=declared,
                 hint=f"delete {title}, add it again from the node list and set its fields",
             )
+
+
+def _is_judged(node: Node, port: str, subject: GraphsSubject) -> bool:
+    """Whether the value of an input is judged: without a lab each, else one that it asks for."""
+    if isinstance(subject, LintSubject):
+        return True
+    return any(setting.port == port for setting in subject.spec_of(node).settings)
 
 
 @rule("K05", "stray-node", scope="lint", severity="warning")
@@ -283,7 +307,7 @@ def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]
     """Yield a problem for each target, and the prim whose absence is its cause."""
     is_module = isinstance(subject, LintSubject) and subject.is_module
     for node in subject.nodes():
-        for port, path in subject.judged_targets(node):
+        for port, path in _judged_targets(node, subject):
             is_made = is_made_later(path, subject.stage)
             if is_made or subject.stage.prim(path) is not None:
                 continue
@@ -298,6 +322,14 @@ def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]
                 rests_on=subject.stage.unknown(path),
             )
             yield problem, absent_above(path, subject.stage)
+
+
+def _judged_targets(node: Node, subject: GraphsSubject) -> Iterator[tuple[str, str]]:
+    """Yield targets by port: all, or those of a list that may have more than the lab asks for."""
+    spec = subject.spec_of(node) if isinstance(subject, GraphSubject) else None
+    asked = {path for target in spec.targets for path in target.prims} if spec else ()
+    for port in node.ports if spec is None else spec.frames_from:
+        yield from ((port, path) for path in node.targets(port) if path not in asked)
 
 
 def _why_absent(path: str, stage: StageModel) -> str:

@@ -7,16 +7,24 @@ from collections.abc import Iterator
 from msgspec.structs import replace
 
 from lab3_usd.check.fold import absent_above, of_one_cause
-from lab3_usd.check.match.rule_inputs import GraphsSubject, GraphSubject, LintSubject, WireFault
+from lab3_usd.check.match.rule_inputs import (
+    GraphsSubject,
+    GraphSubject,
+    Kind,
+    LintSubject,
+    WireFault,
+)
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.likely_names import did_you_mean, likely_port
+from lab3_usd.facts.stalled_nodes import is_needed
 from lab3_usd.facts.wires import (
     Connection,
     connection,
     connections,
     cycle_of,
     fed_inputs,
+    find_cycles,
     sublayer_with_source,
     why_dead,
 )
@@ -24,7 +32,7 @@ from lab3_usd.isaac.node_types import NodeType, Port, can_connect, differ_in_rol
 from lab3_usd.isaac.release_changes import GonePort
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, node_title, short_source
-from lab3_usd.model.stage import Node
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _MOST_REWIRED = 100
 
@@ -32,9 +40,34 @@ _MOST_REWIRED = 100
 def _faults(subject: GraphsSubject, *kinds: str) -> Iterator[tuple[WireFault, Connection]]:
     """Yield the faulty wires of some kinds."""
     live = live_nodes(subject.stage)
-    for fault in subject.wire_faults:
+    faults = (
+        subject.wire_faults if isinstance(subject, GraphSubject) else _by_themselves(subject.stage)
+    )
+    for fault in faults:
         if fault.kind in kinds and fault.actual is not None:
             yield fault, connection(fault.node, fault.port, fault.actual, live)
+
+
+@once_per_stage
+def _by_themselves(stage: StageModel) -> tuple[WireFault, ...]:
+    """Return what is wrong with the wires of a stage, whatever they are for."""
+    faults = []
+    fed: dict[tuple[str, str], str] = {}
+    for wire in connections(stage):
+        if not wire.has_source:
+            is_dead = is_needed(wire.node, wire.port, stage)
+            kind: Kind = "dead" if is_dead else "leftover"
+            faults.append(WireFault(kind, wire.node, wire.port, None, wire.path))
+        elif wire.is_live and not wire.is_compatible:
+            faults.append(WireFault("incompatible", wire.node, wire.port, None, wire.path))
+        elif wire.is_live and wire.brings_data:
+            first = fed.setdefault((wire.node.path, wire.port), wire.path)
+            if first != wire.path:
+                faults.append(WireFault("second", wire.node, wire.port, first, wire.path))
+    faults += [
+        WireFault("cycle", wire.node, wire.port, None, wire.path) for wire in find_cycles(stage)
+    ]
+    return tuple(faults)
 
 
 def source_shown(fault: WireFault) -> str:

@@ -37,6 +37,7 @@ def command(stage: Path, asked: PublishedOptions) -> None:
     from lab3_usd.facts.frames import (
         all_edges,
         all_unresolved_frames,
+        known_tops,
         published_transforms,
         trees_of,
     )
@@ -49,7 +50,7 @@ def command(stage: Path, asked: PublishedOptions) -> None:
     model = ros.subject.stage
     edges, hidden = all_edges(model), all_unresolved_frames(model)
     rates = {end.node.path: end.rate for end in endpoints(model)}
-    tops = frozenset(top for heard in trees_of(edges) for top in ros.subject.tops(heard))
+    tops = frozenset(top for heard in trees_of(edges) for top in known_tops(heard, model))
     if asked.picture is not None:
         picture = published_frames_picture(edges, hidden, rates, not_judged, tops)
         write_published(picture, asked.picture, force=asked.force)
