@@ -246,6 +246,20 @@ def test_a_mistake_of_a_robot_is_one_error_that_costs_its_own_group(
     assert {item.group for item in result.requirements if not item.met} == {group}
 
 
+def test_a_described_joint_of_another_type_is_given_its_own_again(
+    built: Path, tmp_path: Path
+) -> None:
+    path = changed(
+        built,
+        tmp_path,
+        1,
+        lambda stage: stage.GetPrimAtPath(f"{R1}/joints/castor_joint").SetTypeName("PhysicsJoint"),
+    )
+    repaired = run("fix", path, "--unsafe", "--diff")
+    assert repaired.exit_code == 1
+    assert '+            def PhysicsSphericalJoint "castor_joint"' in repaired.output.splitlines()
+
+
 def test_a_limit_that_no_section_names_has_that_of_its_controller(
     lab: Lab, built: Path, tmp_path: Path
 ) -> None:

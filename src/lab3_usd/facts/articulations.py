@@ -14,7 +14,7 @@ from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT, DrivePorts
 from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.joint_drives import DRIVEN_AXES
+from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, read_drive
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODIES,
@@ -31,13 +31,11 @@ from lab3_usd.model.physics import (
     joint_limits,
     joints,
     joints_at,
-    number,
     rigid_bodies,
 )
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
 
-_DRIVE = "PhysicsDriveAPI"
 _MIMIC = "Mimic"
 _PAIR = 2
 # An effort of 1 turns a joint by 1 / damping degrees a second: below 1 % of a speed of 1 rad/s.
@@ -345,7 +343,7 @@ def reached_joints(command: Command, stage: StageModel, *, with_wheels: bool = F
 
 
 def _has_drive(joint: Prim) -> bool:
-    return any(api.startswith(f"{_DRIVE}:") for api in joint.apis)
+    return any(api.startswith(f"{DRIVE}:") for api in joint.apis)
 
 
 def _rolls(joint: Prim, joints: Iterable[Prim], stage: StageModel) -> bool:
@@ -360,8 +358,7 @@ def _rolls(joint: Prim, joints: Iterable[Prim], stage: StageModel) -> bool:
     if carries and _has_drive(joint):
         return False
     low, high = joint_limits(joint.attributes)
-    stiffness = number(joint.attributes.get(f"{drive_attributes(joint) or ''}stiffness")) or 0.0
-    return joint.type == REVOLUTE and high - low > FAR and stiffness <= 0.0
+    return joint.type == REVOLUTE and high - low > FAR and gains_of(joint)[0] <= 0.0
 
 
 def _axes(command: Command, stage: StageModel) -> list[Prim]:
@@ -405,13 +402,10 @@ def wired_commands(command: Command) -> list[str]:
     return given
 
 
-def drive_attributes(joint: Prim) -> str | None:
-    """Return what the attributes of a joint's drive begin with, None for a joint without one."""
-    kinds = (
-        api for api in joint.apis if api.startswith(f"{_DRIVE}:{DRIVEN_AXES.get(joint.type, '')}")
-    )
-    kind = next(kinds, None)
-    return None if kind is None else f"drive:{kind.partition(':')[2]}:physics:"
+def gains_of(joint: Prim) -> tuple[float, float]:
+    """Return the stiffness and damping of a joint's drive, zeros for a joint without one."""
+    drive = read_drive(joint.type, joint.apis, joint.attributes)
+    return (drive.stiffness or 0.0, drive.damping or 0.0) if drive.api else (0.0, 0.0)
 
 
 def leaves_joints(command: Command, port: str, stage: StageModel) -> bool:
@@ -436,12 +430,9 @@ def leaves_joints(command: Command, port: str, stage: StageModel) -> bool:
 
 def _leaves(joint: Prim, port: str, ports: DrivePorts) -> bool:
     position, _, effort = ports.commands
-    drive = drive_attributes(joint) or ""
-    stiffness, damping = (
-        number(joint.attributes.get(f"{drive}{word}")) or 0.0 for word in ("stiffness", "damping")
-    )
+    stiffness, damping = gains_of(joint)
     if port == position:
-        return not drive or stiffness <= 0.0
+        return stiffness <= 0.0
     return port == effort and joint.type == REVOLUTE and damping >= _HOLDING
 
 

@@ -17,7 +17,7 @@ from lab3_usd.facts.endpoints import namespaces_above
 from lab3_usd.facts.frame_targets import ROBOT_API, frame_of_prim
 from lab3_usd.facts.joined_bodies import JoinedBodies, joined_bodies
 from lab3_usd.facts.wheels import axis_of_joint, rolling_radius
-from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, drive_prefix
+from lab3_usd.model.joint_drives import DRIVEN_AXES, read_drive
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     FAR,
@@ -30,7 +30,6 @@ from lab3_usd.model.physics import (
     is_excluded,
     joint_limits,
     joints,
-    number,
     rigid_bodies,
     vector,
 )
@@ -272,24 +271,18 @@ def _hanging(
 
 
 def _robot_joint(joint: Prim, near: str, link: str) -> RobotJoint:
-    kind = DRIVEN_AXES.get(joint.type, "")
-    start = drive_prefix(kind)
-    values = joint.attributes
-    gains = {
-        name: number(values.get(start + name)) or 0.0
-        for name in ("stiffness", "damping", "targetPosition", "targetVelocity")
-    }
-    low, high = joint_limits(values)
+    drive = read_drive(joint.type, joint.apis, joint.attributes)
+    low, high = joint_limits(joint.attributes)
     return RobotJoint(
         prim=joint,
         near=near,
         link=link,
-        has_drive=f"{DRIVE}:{kind}" in joint.apis,
-        stiffness=gains["stiffness"],
-        damping=gains["damping"],
-        force=number(values.get(f"{start}maxForce")),
-        position=gains["targetPosition"],
-        velocity=gains["targetVelocity"],
+        has_drive=joint.type in DRIVEN_AXES and drive.api != "",
+        stiffness=drive.stiffness or 0.0,
+        damping=drive.damping or 0.0,
+        force=drive.force,
+        position=drive.position or 0.0,
+        velocity=drive.velocity or 0.0,
         low=low,
         high=high,
     )

@@ -8,10 +8,9 @@ from collections.abc import Iterator
 from typing import get_args
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
-from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance
+from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance, read_drive
 from lab3_usd.model.physics import EXCLUDED, SCENE, joint_limits, number
 from lab3_usd.physics.machine import (
-    DRIVE,
     FIXED,
     HINGE,
     JOINTS,
@@ -70,14 +69,13 @@ class Bodies:
             return None  # PhysX makes no joint to a prim that is not there
         bodies = [self.of(end[0]) if end else "" for end in ends]
         still = (self._kinematic(end[0]) for end in ends if end)
-        drive = DRIVE.get(prim.type, "")
-        kind = drive.split(":")[1] if drive else ""
-        force = number(prim.values.get(f"{drive}maxForce"))
-        driven = f"PhysicsDriveAPI:{kind}" in prim.apis and (force is None or force > 0)
-
-        def of_drive(name: str) -> float:
-            return (number(prim.values.get(drive + name)) or 0.0) if driven else 0.0
-
+        drive = read_drive(prim.type, prim.apis, prim.values)
+        force = math.inf if drive.force is None else drive.force
+        is_driven = prim.type in DRIVEN_AXES and drive.api != "" and force > 0
+        stiffness, damping, velocity, position = (
+            (value or 0.0) if is_driven else 0.0
+            for value in (drive.stiffness, drive.damping, drive.velocity, drive.position)
+        )
         unit = math.radians(1.0) if prim.type == HINGE else 1.0
         low, high = joint_limits(prim.values)
         return Joint(
@@ -86,14 +84,14 @@ class Bodies:
             (bodies[0], bodies[1]),
             (self._frame(prim, 0, ends[0], bodies[0]), self._frame(prim, 1, ends[1], bodies[1])),
             AXES[{"Y": 1, "Z": 2}.get(str(prim.values.get("physics:axis")), 0)],
-            of_drive("stiffness"),
-            of_drive("damping"),
+            stiffness,
+            damping,
             0.0,
-            authored=(of_drive("targetVelocity") * unit, of_drive("targetPosition") * unit),
+            authored=(velocity * unit, position * unit),
             excluded=prim.values.get(EXCLUDED) is True,
             kinematic=next(filter(None, still), ""),
-            force=math.inf if force is None else force,
-            is_acceleration=prim.values.get(f"{drive}type") == "acceleration",
+            force=force,
+            is_acceleration=drive.is_acceleration,
             limits=(low * unit, high * unit),
             rollers=_rollers(prim),
             path=prim.path,

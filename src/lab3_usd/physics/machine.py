@@ -23,7 +23,6 @@ from lab3_usd.physics.surfaces import Surface, distance_to_segments, height_at
 HINGE, SLIDER = "PhysicsRevoluteJoint", "PhysicsPrismaticJoint"
 FIXED = "PhysicsFixedJoint"
 JOINTS = (HINGE, SLIDER, FIXED, "PhysicsSphericalJoint", "PhysicsJoint")
-DRIVE = {HINGE: "drive:angular:physics:", SLIDER: "drive:linear:physics:"}
 
 
 class Joint(Struct, eq=False):

@@ -13,6 +13,9 @@ from lab3_usd.facts.endpoints import names_by_node
 from lab3_usd.facts.execution_order import live_nodes, nodes_of, running_nodes
 from lab3_usd.facts.reaching_values import Nodes, effective_value
 from lab3_usd.isaac.node_types import DrivePorts
+from lab3_usd.model.changes import Restore
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.joint_drives import JointFault
 from lab3_usd.model.physics import (
     ARTICULATION_API,
     BODIES,
@@ -171,6 +174,23 @@ def _is_body(path: str, subject: RobotSubject) -> bool:
             return True
         path = path.rpartition("/")[0]
     return False
+
+
+def wheel_problem(
+    joint: WheelJoint, robot: RobotSpec, fault: JointFault, asked: str, handout: str = ""
+) -> Problem:
+    """Return that a wheel joint is not as asked, with what it fails, and its property restored."""
+    return Problem(
+        joint.site,
+        fault.text,
+        fault.property,
+        fault.expected,
+        fault.actual,
+        handout or robot.wheels.handout,
+        joint.related,
+        fix=() if fault.property is None else (Restore(joint.site, fault.property),),
+        unmet=(f"{robot.group}/{asked}/{joint.name}",),
+    )
 
 
 @once_per_stage

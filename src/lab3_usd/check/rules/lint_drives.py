@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from typing import get_args
 
 from lab3_usd.check.match.rule_inputs import LintSubject
@@ -11,7 +11,7 @@ from lab3_usd.facts.articulations import (
     Command,
     commands,
     controller_of,
-    drive_attributes,
+    gains_of,
     joints_commanded,
     reached_joints,
     wired_commands,
@@ -23,13 +23,12 @@ from lab3_usd.isaac.pure_nodes import last_part
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import (
     DRIVEN_AXES,
-    Hindrance,
     JointCommand,
+    JointFault,
     hindrance,
     moving_command,
     of_drive,
 )
-from lab3_usd.model.physics import number
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 
@@ -119,10 +118,10 @@ def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject)
         joints = joints_commanded(command, _PORTS[kind], stage)
     else:
         joints = reached_joints(command, stage)
-        if kind == "velocity" and moving_command(given, _gains(joints)) != "position":
+        if kind == "velocity" and moving_command(given, [*map(gains_of, joints)]) != "position":
             joints = reached_joints(command, stage, with_wheels=True)
     joints = [joint for joint in joints if joint.type in DRIVEN_AXES]
-    if moving_command(given, _gains(joints)) == kind:
+    if moving_command(given, [*map(gains_of, joints)]) == kind:
         yield from joints
 
 
@@ -131,17 +130,8 @@ def _has_known_joints(kind: JointCommand, command: Command) -> bool:
     return bool(command.names) or (command.names == () and kind == "velocity")
 
 
-def _gains(joints: Sequence[Prim]) -> list[tuple[float, float]]:
-    """Return the stiffness and damping of the drives of joints."""
-    return [(_gain(joint, "stiffness"), _gain(joint, "damping")) for joint in joints]
-
-
-def _gain(joint: Prim, name: str) -> float:
-    return number(joint.attributes.get(f"{drive_attributes(joint) or ''}{name}")) or 0.0
-
-
 def _unread(
-    command: Command, joint: Prim, why: Hindrance, stage: StageModel
+    command: Command, joint: Prim, why: JointFault, stage: StageModel
 ) -> UnresolvedAsset | None:
     """Return the missing asset that could let a joint follow, or say that it is not commanded.
 
@@ -156,7 +146,7 @@ def _problem(
     kind: JointCommand,
     command: Command,
     joint: Prim,
-    why: Hindrance,
+    why: JointFault,
     asset: UnresolvedAsset | None,
 ) -> Problem:
     """Return why a joint does not follow; where messages name the joints, it may not be told to."""

@@ -5,22 +5,27 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.wheels import find_joint, has_no_joints, link_of, unknown_joints
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, drive_prefix
+from lab3_usd.model.joint_drives import (
+    DRIVE,
+    DRIVEN_AXES,
+    JointFault,
+    left_out,
+    number_text,
+    read_drive,
+)
 from lab3_usd.model.physics import (
     AXIS,
     BODIES,
-    EXCLUDED,
-    JOINT_ENABLED,
     LIMITS,
     USUAL_AXIS,
     bodies,
-    is_excluded,
-    is_switched_off,
     number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
@@ -100,51 +105,46 @@ def _wrong_values(
     prim: Prim, name: str, spec: JointSpec, subject: RobotSubject
 ) -> Iterator[Problem]:
     """Yield each value of a joint that is not as described."""
-    for part, message, key, expected, actual in (
-        *_ties(prim, name, spec, subject.robot),
-        *_limits(prim, name, spec, subject),
-        *_drive(prim, name, spec, subject),
+    stage, group = subject.stage, subject.robot.group
+    for part, fault in (
+        *(("joint", fault) for fault in _ties(prim, name, spec, subject.robot)),
+        *(("limits", fault) for fault in _limits(prim, name, spec, subject)),
+        *(("drive", fault) for fault in _drive(prim, name, spec, subject)),
     ):
-        has_no_drive = key.startswith(DRIVE)
+        key = fault.property
+        has_no_drive = fault.expected == _api(spec)
         yield Problem(
             prim.path,
-            message,
-            None if has_no_drive else key or None,
-            expected,
-            actual,
+            fault.text,
+            key,
+            fault.expected,
+            fault.actual,
             spec.handout,
-            fix=(ApplySchema(prim.path, key) if has_no_drive else Restore(prim.path, key),),
-            unmet=(f"{subject.robot.group}/{part}/{name}",),
-            rests_on=subject.stage.unknown_value(prim, key)
-            if key and not has_no_drive
-            else subject.stage.unknown(prim.path),
+            fix=(ApplySchema(prim.path, _api(spec)) if has_no_drive else Restore(prim.path, key),),
+            unmet=(f"{group}/{part}/{name}",),
+            rests_on=stage.unknown_value(prim, key) if key else stage.unknown(prim.path),
         )
 
 
-_Wrong = tuple[str, str, str, str, str]  # requirement, message, property, expected, actual
-
-
-def _ties(prim: Prim, name: str, spec: JointSpec, robot: RobotSpec) -> Iterator[_Wrong]:
+def _ties(prim: Prim, name: str, spec: JointSpec, robot: RobotSpec) -> Iterator[JointFault]:
     """Yield what is wrong with the kind of a joint, and with what it ties."""
     if prim.type != spec.type:
         text = f"{name} is a {prim.type or 'prim without a type'}, expected {spec.type}"
-        yield "joint", text, "", spec.type, prim.type
+        yield JointFault(text, None, spec.type, prim.type)
         return
-    if is_switched_off(prim, JOINT_ENABLED):
-        yield "joint", f"{name} is switched off", JOINT_ENABLED, "True", "False"
-    if is_excluded(prim):
-        yield "joint", f"{name} is excluded from the articulation", EXCLUDED, "False", "True"
+    for off in left_out(prim.attributes):
+        yield replace(off, text=f"{name} {off.text}")
     for key, end, link in zip(BODIES, bodies(prim), spec.links, strict=True):
         asked, tied = robot.path_of(link) if link else "", link_of(end, robot)
         if tied != asked and not _is_of_wheels(end, tied, robot):
             text = f"{name} ties {end or _WORLD}, expected {asked or _WORLD}"
-            yield "joint", text, key, asked or _WORLD, end or _WORLD
+            yield JointFault(text, key, asked or _WORLD, end or _WORLD)
     axis = prim.attributes.get(AXIS, USUAL_AXIS)
     if spec.axis and axis != spec.axis:
         text = f"{name} moves along {axis}, expected {spec.axis}"
         if prim.type not in DRIVEN_AXES or DRIVEN_AXES[prim.type] == "angular":
             text = f"{name} turns about {axis}, expected {spec.axis}"
-        yield "joint", text, AXIS, spec.axis, str(axis)
+        yield JointFault(text, AXIS, spec.axis, str(axis))
 
 
 def _is_of_wheels(end: str, link: str, robot: RobotSpec) -> bool:
@@ -153,37 +153,39 @@ def _is_of_wheels(end: str, link: str, robot: RobotSpec) -> bool:
     return bool(wheels) and (link in wheels or not is_at_or_below(end, robot.path))
 
 
-def _limits(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[_Wrong]:
-    words = ("lower", "upper")
-    for key, word, wanted in zip(LIMITS, words, spec.limits or (), strict=False):
+def _limits(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[JointFault]:
+    for key, word, wanted in zip(LIMITS, ("lower", "upper"), spec.limits or (), strict=False):
         actual = number(prim.attributes.get(key))
-        if actual is None or not _same(actual, wanted, subject):
+        if not _same(actual, wanted, subject):
             found = "not set" if actual is None else f"{actual:g}"
             text = f"the {word} limit of {name} is {found}, expected {wanted:g}"
-            yield "limits", text, key, f"{wanted:g}", found
+            yield JointFault(text, key, f"{wanted:g}", found)
 
 
 _WORDS = {"stiffness": "stiffness", "damping": "damping", "maxForce": "largest force"}
 
 
-def _drive(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[_Wrong]:
-    kind = DRIVEN_AXES.get(prim.type)
-    if kind is None or not spec.drive:
+def _api(spec: JointSpec) -> str:
+    """Return the schema of a joint's drive, '' for a joint that has several or none."""
+    kind = DRIVEN_AXES.get(spec.type)
+    return "" if kind is None else f"{DRIVE}:{kind}"
+
+
+def _drive(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[JointFault]:
+    if prim.type not in DRIVEN_AXES or not spec.drive:
         return
-    api = f"{DRIVE}:{kind}"
-    if api not in prim.apis:
-        yield "drive", f"{name} has no drive", api, api, "none"
+    drive = read_drive(prim.type, prim.apis, prim.attributes)
+    if not drive.api:
+        yield JointFault(f"{name} has no drive", None, _api(spec), "none")
         return
+    values = {"stiffness": drive.stiffness, "damping": drive.damping, "maxForce": drive.force}
     for word, wanted in spec.drive.items():
-        key = f"{drive_prefix(kind)}{word}"
-        unset = math.inf if word == "maxForce" else 0.0
-        actual = number(prim.attributes.get(key, unset))
-        if actual is None or not _same(actual, wanted, subject):
-            found = "no number" if actual is None else f"{actual:g}"
+        if not _same(values[word], wanted, subject):
+            found = number_text(values[word])
             text = f"the {_WORDS[word]} of {name} is {found}, expected {wanted:g}"
-            yield "drive", text, key, f"{wanted:g}", found
+            yield JointFault(text, f"{drive.start}{word}", f"{wanted:g}", found)
 
 
-def _same(actual: float, wanted: float, subject: RobotSubject) -> bool:
+def _same(actual: float | None, wanted: float, subject: RobotSubject) -> bool:
     tolerance = subject.lab.scene.tolerance.number
-    return math.isclose(actual, wanted, rel_tol=tolerance, abs_tol=tolerance)
+    return actual is not None and math.isclose(actual, wanted, rel_tol=tolerance, abs_tol=tolerance)

@@ -5,14 +5,17 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.ground import highest_ground
-from lab3_usd.check.robot.wheels import WheelJoint, turning_joints
+from lab3_usd.check.robot.wheels import WheelJoint, turning_joints, wheel_problem
 from lab3_usd.check.rules.any_physics import link_bodies
 from lab3_usd.check.rules.wheel_joints import of_each_joint
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem
+from lab3_usd.model.joint_drives import Drive, JointFault, number_text, read_drive
 from lab3_usd.model.physics import (
     COLLISION_API,
     DAMPING,
@@ -20,7 +23,6 @@ from lab3_usd.model.physics import (
     MAX_FORCE,
     STIFFNESS,
     collides,
-    number,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
@@ -53,80 +55,49 @@ def joint_drive(subject: RobotSubject) -> Iterator[Problem]:
 
     Example: `drive:angular:physics:damping` 0 on `{joint}`.
     """
-    handout = subject.robot.wheels.handout
     for joint in turning_joints(subject):
-        prim = joint.prim
+        prim, robot = joint.prim, subject.robot
         if prim is None:
             continue
-        asset = subject.stage.unknown(prim.path)
-        if DRIVE_API not in prim.apis:
-            yield Problem(
-                prim.path,
-                f"{joint.name} has no angular drive",
-                DAMPING,
-                DRIVE_API,
-                handout=handout,
-                related=joint.related,
-                fix=(ApplySchema(prim.path, DRIVE_API),),
-                unmet=(f"{subject.robot.group}/damping/{joint.name}",),
-                rests_on=asset,
-            )
+        drive, asset = read_drive(prim.type, prim.apis, prim.attributes), None
+        if not drive.api:
+            asset = subject.stage.unknown(prim.path)
+            fault = JointFault(f"{joint.name} has no angular drive", DAMPING, DRIVE_API)
+            fix = (ApplySchema(prim.path, DRIVE_API),)
+            problem = wheel_problem(joint, robot, fault, "damping")
+            yield replace(problem, fix=fix, rests_on=asset)
             if asset is None:
                 continue
-        stiffness = number(prim.attributes.get(STIFFNESS, 0.0))
-        if stiffness != 0:
-            actual = "no number" if stiffness is None else f"{stiffness:g}"
-            yield Problem(
-                prim.path,
-                f"stiffness is {actual}, expected 0",
-                STIFFNESS,
-                "0",
-                f"{stiffness}",
-                handout,
-                joint.related,
-                fix=(Restore(prim.path, STIFFNESS),),
-                unmet=(f"{subject.robot.group}/stiffness/{joint.name}",),
-            )
-        for name, unset in ((DAMPING, 0.0), (MAX_FORCE, None)):
-            set_to = prim.attributes.get(name, unset)
-            value = number(set_to)
-            is_unread = value is None and set_to is not None and unset is not None
-            if is_unread or (value is not None and not value > 0):
-                actual = "no number" if value is None else f"{value:g}"
-                yield Problem(
-                    prim.path,
-                    f"{_WORDS[name]} is {actual}, expected more than 0",
-                    name,
-                    "above 0",
-                    actual,
-                    handout,
-                    joint.related,
-                    fix=(Restore(prim.path, name),),
-                    unmet=(f"{subject.robot.group}/damping/{joint.name}",),
-                    rests_on=subject.stage.unknown_value(prim, name),
-                )
-        yield from _weak_drive(joint, subject, handout)
+        if drive.stiffness != 0:
+            text = f"stiffness is {number_text(drive.stiffness)}, expected 0"
+            fault = JointFault(text, STIFFNESS, "0", f"{drive.stiffness}")
+            yield wheel_problem(joint, robot, fault, "stiffness")
+        for name, value in ((DAMPING, drive.damping), (MAX_FORCE, drive.force)):
+            if value is None or not value > 0:
+                text = f"{_WORDS[name]} is {number_text(value)}, expected more than 0"
+                fault = JointFault(text, name, "above 0", number_text(value))
+                problem = wheel_problem(joint, robot, fault, "damping")
+                yield replace(problem, rests_on=subject.stage.unknown_value(prim, name))
+        yield from _weak_drive(joint, drive, subject)
 
 
 _LEAST_PULL = 0.1  # metres a second squared: at half a second it goes 5 cm/s
 _LONGEST_LAG = 0.5  # seconds in which a robot comes up to most of its speed
 
 
-def _weak_drive(joint: WheelJoint, subject: RobotSubject, handout: str) -> Iterator[Problem]:
+def _weak_drive(joint: WheelJoint, drive: Drive, subject: RobotSubject) -> Iterator[Problem]:
     """Say that a drive that is one does not move the robot's weight."""
-    robot, stage, prim = subject.robot, subject.stage, joint.prim
+    robot, stage = subject.robot, subject.stage
     boxes = list(stage.colliders.below(joint.link))
     weight = sum(link.mass or 0.0 for link in robot.links.values())
-    if prim is None or not boxes or not weight or stage.meters_per_unit != 1.0:
+    if not boxes or not weight or stage.meters_per_unit != 1.0:
         return
-    damping, force = (number(prim.attributes.get(name)) for name in (DAMPING, MAX_FORCE))
-    force = math.inf if force is None else force
-    if not (damping and damping > 0 and force > 0):
+    damping, force, is_acceleration = drive.damping, drive.force, drive.is_acceleration
+    if not (damping and damping > 0 and force and force > 0):
         return
     own = robot.links[robot.link_at(joint.link)].mass or 0.0
     radius = max(box.high[2] - box.low[2] for box in boxes) / 2
     load = Load((weight - own) / len(robot.wheels.joints), own, radius)
-    is_acceleration = prim.attributes.get(DRIVE_TYPE) == "acceleration"
     pull = pull_of(load, force, math.degrees(damping), is_acceleration=is_acceleration)
     name, expected, actual = DAMPING, "more", f"{damping:g}"
     message = f"damping is {damping:g}, too small for a robot of {weight:.2g} kg"
@@ -141,17 +112,8 @@ def _weak_drive(joint: WheelJoint, subject: RobotSubject, handout: str) -> Itera
         )
     elif pull.lag <= _LONGEST_LAG:
         return
-    yield Problem(
-        prim.path,
-        message,
-        name,
-        expected,
-        actual,
-        handout,
-        joint.related,
-        fix=(Restore(prim.path, name),),
-        unmet=(f"{subject.robot.group}/damping/{joint.name}",),
-    )
+    fault = JointFault(message, name, expected, actual)
+    yield wheel_problem(joint, robot, fault, "damping")
 
 
 @rule("S25", "wheel-grip", scope="robot", demands=link_bodies, needs="wheels")

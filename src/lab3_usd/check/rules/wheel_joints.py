@@ -5,6 +5,8 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator, Mapping
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.axles import anchor_in_metres, axles, own_axle
@@ -18,21 +20,21 @@ from lab3_usd.check.robot.wheels import (
     turning_joints,
     unknown_joints,
     wheel_joints,
+    wheel_problem,
     wheel_side,
     wrong_ends,
 )
 from lab3_usd.check.rules.link_joints import joined_links
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem
+from lab3_usd.model.joint_drives import JointFault, left_out
 from lab3_usd.model.physics import (
     AXIS,
-    EXCLUDED,
     FAR,
     JOINT_ENABLED,
     LIMITS,
     REVOLUTE,
     bodies,
-    is_excluded,
     is_switched_off,
     joint_limits,
     joints,
@@ -93,7 +95,7 @@ def wheel_joint(subject: RobotSubject) -> Iterator[Problem]:
             continue
         message = _why_useless(joint, subject)
         is_gone = joint.prim is None or (joint.prim.active and not joint.prim.present)
-        wrong = None if message or joint.live is None else _wrong_value(joint.live)
+        wrong = None if message or joint.live is None else _why_stuck(joint.live)
         if message is not None:
             fix: tuple[Edit, ...] = tuple(map(Restore, (joint.site, *joint.related)))
             if joint.live is not None:  # but it has another name
@@ -110,31 +112,18 @@ def wheel_joint(subject: RobotSubject) -> Iterator[Problem]:
                 rests_on=unknown_joints(subject) if is_gone else None,
             )
         elif wrong is not None:
-            fault, name, expected, actual = wrong
-            yield Problem(
-                joint.site,
-                f"{joint.name} {fault}",
-                name,
-                expected,
-                actual,
-                handout,
-                joint.related,
-                fix=(Restore(joint.site, name),),
-                unmet=(f"{subject.robot.group}/joint/{joint.name}",),
-            )
+            named = replace(wrong, text=f"{joint.name} {wrong.text}")
+            yield wheel_problem(joint, robot, named, "joint", handout)
 
 
-def _wrong_value(joint: Prim) -> tuple[str, str, str, str] | None:
-    """Return how a value makes a joint useless, its property, what it should be, and what it is."""
-    if is_switched_off(joint, JOINT_ENABLED):
-        return "is switched off", JOINT_ENABLED, "True", "False"
-    if is_excluded(joint):
-        return "is excluded from the articulation", EXCLUDED, "False", "True"
+def _why_stuck(joint: Prim) -> JointFault | None:
+    """Return the value by which a joint cannot turn on and on, None where it can."""
+    off = next(left_out(joint.attributes), None)
     low, high = joint_limits(joint.attributes)
-    if low <= -FAR and high >= FAR:
-        return None
+    if off is not None or (low <= -FAR and high >= FAR):
+        return off
     name, value = (LIMITS[0], low) if low > -FAR else (LIMITS[1], high)
-    return f"cannot turn past {value:g} degrees", name, "no limit", f"{value:g}"
+    return JointFault(f"cannot turn past {value:g} degrees", name, "no limit", f"{value:g}")
 
 
 def _is_below_missing_link(subject: RobotSubject) -> bool:
@@ -203,18 +192,10 @@ def joint_bodies(subject: RobotSubject) -> Iterator[Problem]:
             is_wheel = base_side(joint) is None and not is_at_or_below(actual, joint.link)
             expected = joint.link if is_wheel else "a link of the robot that is no wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
-            yield Problem(
-                joint.site,
-                message,
-                name,
-                expected,
-                actual or "no prim",
-                section,
-                joint.related,
-                fix=(Restore(joint.site, name),),
-                unmet=(f"{subject.robot.group}/bodies/{joint.name}",),
-                rests_on=None if actual else subject.stage.unknown(joint.site),
-            )
+            fault = JointFault(message, name, expected, actual or "no prim")
+            asset = None if actual else subject.stage.unknown(joint.site)
+            problem = wheel_problem(joint, subject.robot, fault, "bodies", section)
+            yield replace(problem, rests_on=asset)
 
 
 @rule("S23", "second-wheel-joint", scope="robot", demands=_TURNS_A_WHEEL, needs="wheels")
@@ -305,18 +286,14 @@ def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
     joint = first if is_first else second
     expected, actual = f"{wheels.distance:g} m", f"{apart:g} m"
     message = f"the wheel joints are {actual} apart, expected {expected}"
-    name = f"physics:localPos{base_side(joint)}"
-    yield Problem(
-        joint.site,
-        message,
-        name,
-        expected,
-        actual,
-        wheels.handout,
-        joint.related,
-        fix=_wheel_fix(joint, name),
-        unmet=(f"{subject.robot.group}/place/{joint.name}",),
-    )
+    fault = JointFault(message, f"physics:localPos{base_side(joint)}", expected, actual)
+    yield _misplaced(joint, subject.robot, fault)
+
+
+def _misplaced(joint: WheelJoint, robot: RobotSpec, fault: JointFault) -> Problem:
+    """Return that a joint does not sit at its place."""
+    problem = wheel_problem(joint, robot, fault, "place")
+    return replace(problem, fix=_wheel_fix(joint, fault.property or ""))
 
 
 def _off_centre(
@@ -329,16 +306,12 @@ def _off_centre(
     if off > limit:
         joint, other = places
         name, beside = (f"physics:localPos{base_side(each)}" for each in (joint, other))
-        yield Problem(
-            joint.site,
-            f"the middle between the wheel joints is {off:.3g} m beside the robot's centre",
-            name,
-            "0 m",
-            f"{off:.3g} m",
-            wheels.handout,
+        text = f"the middle between the wheel joints is {off:.3g} m beside the robot's centre"
+        problem = _misplaced(joint, robot, JointFault(text, name, "0 m", f"{off:.3g} m"))
+        yield replace(
+            problem,
             related=(*joint.related, f"{other.site}.{beside}"),
-            fix=(*_wheel_fix(joint, name), *_wheel_fix(other, beside)),
-            unmet=(f"{robot.group}/place/{joint.name}",),
+            fix=(*problem.fix, *_wheel_fix(other, beside)),
         )
 
 
@@ -352,20 +325,13 @@ def _exchanged(places: Mapping[WheelJoint, Vector], robot: RobotSpec) -> Iterato
     if dot(wheels.axle, places[left]) >= dot(wheels.axle, places[right]):
         return
     name, on_right = (f"physics:localPos{base_side(joint)}" for joint in (left, right))
-    fix = _wheel_fix(left, name)
-    yield Problem(
-        left.site,
-        f"{left.name} is on the right of {right.name}: the wheels are exchanged",
-        name,
-        "on the left",
-        "on the right",
-        wheels.handout,
+    text = f"{left.name} is on the right of {right.name}: the wheels are exchanged"
+    problem = _misplaced(left, robot, JointFault(text, name, "on the left", "on the right"))
+    yield replace(
+        problem,
         related=(*left.related, f"{right.site}.{on_right}"),
-        fix=(*fix, Restore(right.site, on_right)) if fix else (),
-        unmet=(
-            f"{robot.group}/place/{left.name}",
-            f"{robot.group}/place/{right.name}",
-        ),
+        fix=(*problem.fix, Restore(right.site, on_right)) if problem.fix else (),
+        unmet=(*problem.unmet, f"{robot.group}/place/{right.name}"),
     )
 
 
@@ -402,17 +368,9 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
         turn_text = f"about {actual} of the robot, expected {expected}"
         if angle_between(direction, back) <= limit:
             turn_text = "backward: its axis is inverted"
-        yield Problem(
-            joint.site,
-            f"{joint.name} turns its wheel {turn_text}",
-            name,
-            expected,
-            actual,
-            section,
-            joint.related,
-            fix=_wheel_fix(joint, name),
-            unmet=(f"{subject.robot.group}/axis/{joint.name}",),
-        )
+        fault = JointFault(f"{joint.name} turns its wheel {turn_text}", name, expected, actual)
+        problem = wheel_problem(joint, subject.robot, fault, "axis", section)
+        yield replace(problem, fix=_wheel_fix(joint, name))
     for joint in (joint for joint in known if joint not in wrong):
         yield from _lying_wheel(joint, subject, section)
 
@@ -426,17 +384,9 @@ def _lying_wheel(joint: WheelJoint, subject: RobotSubject, section: str) -> Iter
     if not is_stated(joint, subject, AXIS, name):
         return
     actual, expected = map(vector_text, seen)
-    yield Problem(
-        joint.site,
-        f"{joint.name} turns its wheel about {actual} of the wheel, whose axle is {expected}",
-        name,
-        expected,
-        actual,
-        section,
-        joint.related,
-        fix=(Restore(joint.site, name),),
-        unmet=(f"{subject.robot.group}/axis/{joint.name}",),
-    )
+    text = f"{joint.name} turns its wheel about {actual} of the wheel, whose axle is {expected}"
+    fault = JointFault(text, name, expected, actual)
+    yield wheel_problem(joint, subject.robot, fault, "axis", section)
 
 
 def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:

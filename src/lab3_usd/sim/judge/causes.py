@@ -11,9 +11,10 @@ from msgspec import Struct
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.physics import FAR, number
 from lab3_usd.model.traction import Pull
-from lab3_usd.physics.machine import DRIVE, Joint, Machine
+from lab3_usd.physics.machine import Joint, Machine
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
@@ -352,7 +353,7 @@ def _rolling(robot: Machine) -> Iterator[Joint]:
     Without a command they are all that a drive may turn, but those that steer its wheels.
     """
     steering = [joint for wheel in robot.wheels for joint in robot.above(wheel.carrier)]
-    turned = [joint for joint in robot.joints.values() if joint.kind in DRIVE]
+    turned = [joint for joint in robot.joints.values() if joint.kind in DRIVEN_AXES]
     told = [joint for joint in turned if joint.is_told_speeds]
     yield from told or (joint for joint in turned if joint not in steering)
 
