@@ -122,6 +122,15 @@ def test_a_recording_of_nothing_is_not_judged(folder: Path, tmp_path: Path) -> N
     assert (found["verdict"], found["missing"]) == ("not judged", "nothing was recorded")
 
 
+def test_a_transform_that_ends_before_the_others_is_missing(folder: Path, tmp_path: Path) -> None:
+    def until_the_middle(said: Any) -> None:
+        if said.transforms[0].header.stamp.sec > 0:
+            said.transforms = [e for e in said.transforms if e.child_frame_id != "eye"]
+
+    found = faults(rewritten(folder / "rover", tmp_path / "run", on("/tf", until_the_middle)))
+    assert found["frames"].startswith("chassis -> eye is missing for 2.")
+
+
 def test_a_joint_that_does_not_get_there_is_named(folder: Path, tmp_path: Path) -> None:
     def stuck(said: Any) -> None:
         said.position = said.position.copy()

@@ -11,10 +11,12 @@ import re
 import shutil
 from collections.abc import Callable, Sequence
 from pathlib import Path
+from typing import Any
 
 import pytest
 from invoking import invoke
 from pxr import Sdf, Usd
+from recordings import on, rewritten
 from seven_joints import (
     COMMANDS,
     FILES,
@@ -32,6 +34,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.features.bag.sim_recording import record_run
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.sim.bag.judge import judge_recording
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -375,6 +378,25 @@ def test_a_bag_of_a_checkpoint_says_that_joints_are_commanded_in_another_play(
     topic = run.behaviour.robots[0].topic
     *_, last = record_run(run, run.trial, lab, tmp_path / "bag", None)
     assert last == f"  commands on {topic} come in another play: not recorded"
+
+
+def test_a_recording_at_a_checkpoint_shows_whether_joints_follow(
+    described: tuple[list[Path], Path], lab: Lab, tmp_path: Path
+) -> None:
+    def stuck(said: Any) -> None:
+        said.position = 0.0 * said.position
+
+    run = dry_run(described[0][-1], lab, "")
+    assert run.trial is not None
+    [*record_run(run, run.trial, lab, tmp_path / "bag", None)]
+    changed = rewritten(tmp_path / "bag", tmp_path / "stuck", on(STATES, stuck))
+    verdicts = [
+        {check.name: check.verdict for check in found.behaviour.checks}["joints"]
+        for found in (
+            judge_recording(p, lab, "5", whole=False) for p in (tmp_path / "bag", changed)
+        )
+    ]
+    assert verdicts == ["ok", "bad"]
 
 
 def test_a_joint_that_is_deleted_from_a_folder_of_joints_is_found_once(

@@ -74,6 +74,7 @@ PASSED_IN_A_RECORDING = {
     "headers": "the headers name the required frames",
     "frames": "each frame keeps its parent, and its transforms come without gaps",
     "way": "in total, the robot goes as far as commanded",
+    "joints": "each joint is where it is commanded to",
     "localization": "localization ties the map to odometry",
     "goal": "the last goal was reached",
 }
@@ -87,7 +88,6 @@ PASSED_IN_ANY_RECORDING = {
     "follows": "goes ahead and back as commanded, and turns to the side that it is commanded to",
     "moving frames": "TF moves the base as odometry does",
     "scan": "rays come back",
-    "joints": "each joint is where it is commanded to",
 }
 
 

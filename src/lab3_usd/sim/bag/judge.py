@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -17,7 +17,15 @@ from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
 from lab3_usd.facts.tree import SentTransform, Tree, tree_of
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Topic, Unknown
-from lab3_usd.sim.bag.driven import follows_side, leg_of_any_base, legs, path
+from lab3_usd.sim.arms import JOINTS
+from lab3_usd.sim.bag.driven import (
+    follows_side,
+    joints_there,
+    leg_of_any_base,
+    legs,
+    path,
+    turning_joints,
+)
 from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.execution.drive import Session
@@ -45,6 +53,7 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
 GAP = 0.5  # seconds without a transform
+SLOW = 5.0  # times its usual pause, from which on it is missing
 QUIET = 3.0  # seconds without the transform of localization
 LEAST = 0.5  # metres to drive, from which on the whole way is judged
 TWIST = (0.05, 0.3)  # m/s or rad/s, and part, between speeds and the way
@@ -58,8 +67,9 @@ class Recorded(Trial, kw_only=True):
 
     gathered: Gathered
     topics: Topics
-    interface: tuple[TopicSpec, ...] = ()
+    interface: tuple[TopicSpec, ...] = ()  # that a lab asks for
     goal: GoalSpec | None = None
+    navigation: frozenset[str] = frozenset()  # the checks of it that are asked for
 
 
 def unreadable(recorded: Recorded) -> Iterator[RunFault]:
@@ -122,13 +132,24 @@ def clock(recorded: Recorded) -> Iterator[RunFault]:
 
 
 def frames(recorded: Recorded) -> Iterator[RunFault]:
-    """Each frame keeps its parent to the end, and its transform comes without gaps."""
-    for child, several in _heard(recorded.gathered).several_parents.items():
+    """Each frame keeps its parent to the end, and its transform comes without gaps, as it is wont.
+
+    Who ties the root to a map is judged by itself.
+    """
+    gathered = recorded.gathered
+    for child, several in _heard(gathered).several_parents.items():
         yield RunFault(f"{child} has the parents {', '.join(several)}", "changing-parent")
-    static = {(frame.parent, frame.child) for frame in recorded.gathered.frames if frame.static}
-    for (parent, child), link in recorded.gathered.links.items():
-        if link.gap > GAP and (parent, child) not in static and child != _root(recorded):
-            yield RunFault(f"{parent} -> {child} is missing for {link.gap:.1f} s", "transform-gap")
+    static = {(frame.parent, frame.child) for frame in gathered.frames if frame.static}
+    moving = {
+        frames: link
+        for frames, link in gathered.links.items()
+        if frames not in static and frames[1] != _root(recorded)
+    }
+    end = max((link.last for link in moving.values()), default=0.0)
+    for (parent, child), link in moving.items():
+        gap, usual = max(link.gap, end - link.last), gathered.timeline.now / max(1, link.count)
+        if gap > max(GAP, SLOW * usual):
+            yield RunFault(f"{parent} -> {child} is missing for {gap:.1f} s", "transform-gap")
             return
 
 
@@ -208,6 +229,15 @@ def goal(recorded: Recorded) -> Iterator[RunFault]:
         yield RunFault(f"the last of {len(goals)} goals is {name}", "goal-not-reached")
 
 
+def joints(recorded: Recorded) -> Iterator[RunFault]:
+    """Joints are where they are commanded to."""
+    recording = recorded.recording
+    commanded = recording.topic(recorded.wanted.joint_commands, 0)
+    yield from joints_there(
+        commanded, recording.topic(recorded.topics.joints, 0), recording.seconds
+    )
+
+
 CheckFunction = Callable[[Recorded], Iterator[RunFault]]
 CHECKS: dict[str, CheckFunction] = {
     "messages": unreadable,
@@ -218,6 +248,7 @@ CHECKS: dict[str, CheckFunction] = {
     "frames": frames,
     "odometry": odometry,
     "way": way,
+    "joints": joints,
     "localization": localization,
     "goal": goal,
 }
@@ -226,7 +257,8 @@ CHECKS: dict[str, CheckFunction] = {
 _TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
 NO_CONTENT = "not sent, since a dry run makes no images and no point clouds"
-_MOVED = ("rest", "follows", "limits", "way")
+_MOVED = ("rest", "follows", "limits", "way", "odometry")
+_OF_INTERFACE = ("QoS", "headers", "mounted")
 
 
 def judge_recording(
@@ -297,7 +329,9 @@ def _read(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> _Reading
     status = "" if lab.ros.goal is None else lab.ros.goal.status
     readings = {}
     for name, wanted in asked.items():
-        topics = Topics(wanted, static_topics(lab), status, *map_topic(lab, checkpoint))
+        states = next((topic for topic, kind in wanted.types.items() if kind == JOINTS), "")
+        static, mapped = static_topics(lab), map_topic(lab, checkpoint)
+        topics = Topics(wanted, static, status, *mapped, states)
         with opened(layout, bounds) as bag:
             readings[name] = topics, gather(bag.messages(), bag.topics, topics, bounds)
     return readings
@@ -314,53 +348,64 @@ def _asking_for(readings: _Readings, is_asked_for: Callable[[str], bool]) -> _Re
 
 
 def _judged(readings: _Readings, asked_by: tuple[Lab, str], *, whole: bool) -> DryRun:
-    """Judge what was read: each of several robots by itself, what they share once."""
+    """Judge what was read by what a lab asks for."""
     lab, checkpoint = asked_by
-    interface = reached_topics(lab, checkpoint)
-    every = {
-        robot: recorded_drive(gathered, topics, interface, lab.ros.goal)
-        for robot, (topics, gathered) in readings.items()
-    }
-    judged = {}
-    for robot, one in every.items():
-        left_out = _left_out(one, lab, checkpoint, whole=whole)
-        if len(every) > 1:
-            left_out |= {each for each in _TABLE if (each in _OF_ALL) == bool(robot)}
-        table = {**_TABLE, **one.own_checks}
-        checks = judge(one, {name: table[name] for name in _TABLE if name not in left_out})
-        judged[robot] = Judged(robot, one, checks)
-    shared = judged.pop("").checks if len(every) > 1 else ()
-    return recorded_run([*every.values()], [*judged.values()], shared)
+    every = {}
+    for robot, (topics, gathered) in readings.items():
+        drive = every[robot] = recorded_drive(gathered, topics)
+        drive.interface, drive.goal = reached_topics(lab, checkpoint), lab.ros.goal
+        drive.navigation = frozenset(_navigation(drive, checkpoint, lab, whole=whole))
+    robots = {robot: drive for robot, drive in every.items() if robot}
+    return judged_drives(robots or every, every[""], _OF_ALL)
 
 
-def recorded_run(
-    every: Sequence[Recorded], robots: Sequence[Judged], whole: Sequence[Check]
+def judged_drives(
+    robots: Mapping[str, Recorded], shared: Recorded, of_all: Collection[str]
 ) -> DryRun:
-    """Return the results of a recording, of which the first reading says what it is of."""
-    gathered = every[0].gathered
-    behaviour = behaviour_of(robots, whole)
-    frames = dict.fromkeys(frame for each in every for frame in each.gathered.frames)
+    """Judge the drives of robots by name, the only one by '', and what they share once."""
+    judged, whole = [], tuple[Check, ...]()
+    for name, drive in robots.items():
+        asked = _asked(drive)
+        own = {check: asked[check] for check in asked if not name or check not in of_all}
+        judged.append(Judged(name, drive, judge(drive, own)))
+    if "" not in robots:
+        asked = _asked(shared)
+        whole = judge(shared, {check: asked[check] for check in asked if check in of_all})
+    gathered, behaviour = shared.gathered, behaviour_of(judged, whole)
+    every = (frame for each in (shared, *robots.values()) for frame in each.gathered.frames)
     behaviour = replace(
         behaviour,
         seconds=gathered.timeline.now,
         topics=tuple(_topics(gathered)),
-        frames=tuple(frames),
+        frames=tuple(dict.fromkeys(every)),
         remarks=(*_time_remarks(gathered), *behaviour.remarks),
     )
-    return DryRun(behaviour, {each.name: each.trial for each in robots})
+    return DryRun(behaviour, robots)
 
 
 _TABLE: dict[str, CheckFunction] = {**SHARED, **CHECKS}
-# What a recording shows as a whole, whichever robot is driven.
-_OF_ALL = {*OF_STAGE, "messages", "QoS", "rates", "headers", "frames", "localization", "goal"}
+# What a recording of a lab shows as a whole, whichever robot is driven.
+_OF_ALL = (*OF_STAGE, "messages", "QoS", "rates", "headers", "frames", "localization", "goal")
 
 
-def recorded_drive(
-    gathered: Gathered,
-    topics: Topics,
-    interface: tuple[TopicSpec, ...] = (),
-    goal: GoalSpec | None = None,
-) -> Recorded:
+def _asked(recorded: Recorded) -> dict[str, CheckFunction]:
+    """Return the checks that are asked for, and for which something was recorded."""
+    names = {name for name in _TABLE if name not in SHARED or is_asked(name, recorded)}
+    if not (recorded.gathered.commands and recorded.recording.path):
+        names -= {*_MOVED}
+    if not recorded.interface:
+        names -= {*_OF_INTERFACE}
+    if not recorded.gathered.links:
+        names -= {"frames"}
+    joint_commands = recorded.recording.topic(recorded.wanted.joint_commands, 0)
+    if not (joint_commands and recorded.topics.joints):
+        names -= {"joints"}
+    names -= {"localization", "goal"} - recorded.navigation
+    table = {**_TABLE, **recorded.own_checks}
+    return {name: table[name] for name in _TABLE if name in names}
+
+
+def recorded_drive(gathered: Gathered, topics: Topics) -> Recorded:
     """Return what was recorded of a robot, as its drive."""
     recording, wanted = gathered.recording, topics.wanted
     recording.seconds = gathered.timeline.now
@@ -369,7 +414,8 @@ def recorded_drive(
     if wanted.is_car or wanted.has_rollers:
         drive = tuple(leg_of_any_base(leg, is_steered=wanted.is_car) for leg in drive)
         own_checks = {"follows": follows_side}
-    recording.path = list(path(gathered.places, drive))
+    states = recording.topic(topics.joints, 0)
+    recording.wheels, recording.path = turning_joints([*path(gathered.places, drive)], states)
     drive_of_robot = Recorded(
         recording,
         (Session(drive),),
@@ -379,35 +425,26 @@ def recorded_drive(
         own_checks=own_checks,
         gathered=gathered,
         topics=topics,
-        interface=interface,
-        goal=goal,
     )
     if gathered.located:
         drive_of_robot.map, drive_of_robot.map_fault = gathered.map, gathered.map_fault
         drive_of_robot.located = (gathered.located,)
         drive_of_robot.fit = fit(drive_of_robot)
-    if not (gathered.commands or wanted.joint_commands):
-        recording.remarks.append("no command was recorded: `follows` is not judged")
+    if not (gathered.commands or recording.topic(wanted.joint_commands, 0)):
+        check = "joints" if wanted.joint_commands and not wanted.commands else "follows"
+        recording.remarks.append(f"no command was recorded: `{check}` is not judged")
     return drive_of_robot
 
 
-def _left_out(recorded: Recorded, lab: Lab, checkpoint: str, *, whole: bool) -> frozenset[str]:
-    """Return the checks that nothing was recorded for, or that are not asked for."""
-    gathered = recorded.gathered
-    names = {name for name in SHARED if not is_asked(name, recorded)} - {"odometry"}
-    if not gathered.commands or not recorded.recording.path:
-        names |= {*_MOVED}
-    map_name = recorded.topics.map
-    seen = {frame.child for frame in gathered.frames if frame.parent == recorded.topics.map_frame}
-    goal = lab.ros.goal
+def _navigation(drive: Recorded, checkpoint: str, lab: Lab, *, whole: bool) -> Iterator[str]:
+    """Yield the checks of navigation that a lab asks for, if it was recorded or all is asked."""
+    gathered, goal, topics = drive.gathered, lab.ros.goal, drive.topics
+    seen = {frame.child for frame in gathered.frames if frame.parent == topics.map_frame}
     robot = () if goal is None else gathered.of_topic(goal.robot)
-    came = gathered.of_topic(map_name) or robot or seen
-    if not map_name or not (whole or came):
-        names.add("localization")
-    has_goal = goal is not None and goal.since in lab.until(checkpoint)
-    if not has_goal or not (whole or gathered.goals):
-        names.add("goal")
-    return frozenset(names)
+    if topics.map and (whole or gathered.of_topic(topics.map) or robot or seen):
+        yield "localization"
+    if goal is not None and goal.since in lab.until(checkpoint) and (whole or gathered.goals):
+        yield "goal"
 
 
 def _topics(gathered: Gathered) -> Iterator[Topic]:

@@ -100,7 +100,7 @@ class TransformSeries(Struct):
 class Topics(Struct, frozen=True):
     """Which topics are read: those of the interface, static transforms, the goal's status, the map.
 
-    `map_frame` is the frame of the map.
+    `map_frame` is the frame of the map, `joints` the topic of joint states.
     """
 
     wanted: Expected
@@ -108,11 +108,13 @@ class Topics(Struct, frozen=True):
     goal: str
     map: str = ""
     map_frame: str = ""
+    joints: str = ""
 
     def judged(self) -> frozenset[str]:
         """Return the topics whose messages are read as a whole."""
         wanted = self.wanted
-        return frozenset({*wanted.types, wanted.commands, self.map, *self.lasting()} - {""})
+        told = (wanted.commands, wanted.joint_commands, self.map)
+        return frozenset({*wanted.types, *told, *self.lasting()} - {""})
 
     def lasting(self) -> frozenset[str]:
         """Return those of them that are read to the end."""

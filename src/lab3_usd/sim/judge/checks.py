@@ -75,7 +75,7 @@ def is_asked(name: str, trial: Trial) -> bool:
     wanted = trial.wanted
     topics = {
         "clock": (wanted.clock,),
-        "stamps": (wanted.clock,),
+        "stamps": (wanted.clock if wanted.types else "",),
         "odometry": (wanted.odometry,),
         "tree": (wanted.transforms,),
         "moving frames": (wanted.odometry, wanted.transforms),

@@ -56,7 +56,7 @@ def scan(trial: Trial) -> Iterator[RunFault]:
     if turn > 0 and turns and abs(turn * turns - 1.0) > TURNS:
         text = f"the lidar turns {1.0 / turn:g} times a second, not {turns:g}"
         yield RunFault(text, "wrong-turn-rate", messages[-1].node)
-    if all(distance < 0 for distance in messages[-1].data.ranges):
+    if all(distance < 0 for each in reversed(messages) for distance in each.data.ranges):
         yield RunFault("no ray returns", "no-ray-returns", messages[-1].node)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):
         place = in_root(trial, message)
