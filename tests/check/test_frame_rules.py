@@ -9,7 +9,7 @@ import pytest
 from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
-from lab3_usd.check.lab_frames import tf_view
+from lab3_usd.check.lab_frames import tf_views
 from lab3_usd.check.registry import rules_of
 from lab3_usd.check.requirements import frame_requirements
 from lab3_usd.isaac.values import Value
@@ -32,7 +32,7 @@ Site = tuple[str, str, str | None]
 
 def problems(stage: StageModel, checkpoint: str = "05") -> dict[str, list[Problem]]:
     """What each frame rule says, by its id."""
-    view = tf_view(m.subject(stage, checkpoint))
+    view = tf_views(m.subject(stage, checkpoint))[0]
     found = {
         rule.id: [problem for problem in rule.check(view) if problem.rests_on is None]
         for rule in rules_of("frames", "T")
@@ -662,7 +662,7 @@ def test_a_frame_id_that_the_lab_asks_for_must_be_in_the_tree() -> None:
     helper = m.valued(m.role(stage, node.role, spec.name), "inputs:frameId", "laser")
     subject = replace(m.subject(m.with_node(stage, helper)), lab=changed)
     (rule,) = (rule for rule in rules_of("frames", "T") if rule.id == "T11")
-    found = list(rule.check(tf_view(subject)))
+    found = list(rule.check(tf_views(subject)[0]))
     assert [(p.prim, p.severity) for p in found] == [(helper.path, None)]
 
 

@@ -5,14 +5,15 @@ from __future__ import annotations
 from collections.abc import Iterable, Iterator, Mapping
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from lab3_usd.check.fold import fold
-from lab3_usd.check.lab_frames import tf_view
+from lab3_usd.check.lab_frames import tf_views
 from lab3_usd.check.match.diagnosis import faulty_wires
 from lab3_usd.check.match.graphs import match_all, with_literals
 from lab3_usd.check.match.rule_inputs import GraphSubject, JudgedStage, LintSubject, StageSubject
 from lab3_usd.check.message_suffixes import with_named_nodes
-from lab3_usd.check.registry import Scope, import_rules, own_rules, rules_of
+from lab3_usd.check.registry import Scope, import_rules, in_tree, own_rules, rules_of
 from lab3_usd.check.requirements import (
     frame_requirements,
     graph_requirements,
@@ -74,7 +75,10 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
         of_stage = [*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)]
         run.keep(run_rules(of_stage, [whole], lab))
         if checkpoint.frames:
-            run.keep(run_rules(rules_of("frames", *STAGE_FAMILIES), [tf_view(whole)], lab))
+            trees = placed.frames.trees or (None,)
+            for tree, view in zip(trees, tf_views(whole), strict=True):
+                found = run_rules(rules_of("frames", *STAGE_FAMILIES), [view], lab)
+                run.keep(found if tree is None else _of_tree(found, tree.topic))
         run.findings[:] = with_unmet(fold(run.findings), whole, lab)
         requirements = [item for subject in subjects for item in graph_requirements(subject)]
         requirements += scene_requirements(lab, checkpoint, run.findings)
@@ -96,6 +100,18 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
         )
     finally:
         stage.judged.clear()  # which holds what the rules were given, and so the stage
+
+
+def _of_tree(results: RuleResults, topic: str) -> RuleResults:
+    """Return what was found in one of several trees, at the places of its own frames."""
+
+    def placed(finding: Finding) -> Finding:
+        unmet = tuple(in_tree(place, topic) for place in finding.unmet)
+        covers = tuple((in_tree(place, topic), name) for place, name in finding.covers)
+        return replace(finding, unmet=unmet, covers=covers)
+
+    found, left = (tuple(map(placed, each)) for each in (results.findings, results.left_open))
+    return replace(results, findings=found, left_open=left)
 
 
 def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterator[str]:

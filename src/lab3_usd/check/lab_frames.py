@@ -40,6 +40,7 @@ from lab3_usd.facts.frames import (
 from lab3_usd.facts.message_frames import MessageFrame, message_frames
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
@@ -52,6 +53,7 @@ class TfView(Struct, frozen=True, eq=False):
 
     `children` are the edges by the frame that they place. `role_specs` maps the path of a node to
     the spec of the role it plays. `hidden` are the frames that only a missing asset could tell.
+    `topics` are those on which the lab has these transforms, `elsewhere` the nodes of other trees.
     """
 
     subject: StageSubject
@@ -60,7 +62,9 @@ class TfView(Struct, frozen=True, eq=False):
     live_nodes: dict[str, Node]
     running: dict[str, Node]
     role_specs: dict[str, NodeSpec]
-    hidden: tuple[UnresolvedFrames, ...] = ()
+    hidden: tuple[UnresolvedFrames, ...]
+    topics: frozenset[str]
+    elsewhere: frozenset[str] = frozenset()
 
     @property
     def stage(self) -> StageModel:
@@ -71,11 +75,6 @@ class TfView(Struct, frozen=True, eq=False):
     def platform(self) -> Platform:
         """The release of Isaac Sim that the lab is for."""
         return self.subject.lab.platform
-
-    @property
-    def topics(self) -> frozenset[str]:
-        """The topics on which the lab has its transforms."""
-        return transform_topics(self.subject.lab)
 
     def is_guarded(self, edge: Edge) -> bool:
         """Whether no stage may publish a transform: its frame has no place, or it is forbidden."""
@@ -139,7 +138,7 @@ class TfView(Struct, frozen=True, eq=False):
 
 @once_per_stage
 def _frames_or_asked(view: TfView, domain: str) -> frozenset[str]:
-    required = {frame for edge in view.subject.lab.frames.edges for frame in edge}
+    required = {frame for edge in view.subject.lab.frames.joined.edges for frame in edge}
     return frames_in(view.stage, domain) | required
 
 
@@ -156,7 +155,7 @@ def trees_of_nodes(view: TfView) -> Mapping[str, Sequence[HeardTree]]:
 
 @once_per_stage
 def _open_trees(view: TfView) -> tuple[HeardTree, ...]:
-    edges = all_edges(view.stage)
+    edges = (edge for edge in all_edges(view.stage) if edge.cause not in view.elsewhere)
     return trees_of(edge for edge in edges if _is_as_meant(edge, view))
 
 
@@ -172,7 +171,10 @@ def _is_as_meant(edge: Edge, view: TfView) -> bool:
         return edge.target is None and edge.cause not in view.role_specs
     if edge.cause not in view.role_specs and edge.publisher not in view.role_specs:
         return True
-    return not is_altered_by_wires(edge, view) and not differs_from_spec(view, edge.cause)
+    nodes = {edge.cause, edge.publisher} if view.subject.lab.frames.trees else {edge.cause}
+    return not is_altered_by_wires(edge, view) and not any(
+        differs_from_spec(view, n) for n in nodes
+    )
 
 
 @once_per_stage
@@ -186,10 +188,23 @@ def _heard_domains(subject: StageSubject) -> frozenset[str]:
 
 
 @once_per_stage
-def tf_view(subject: StageSubject) -> TfView:
-    """Compute what the frame rules look at."""
+def tf_views(subject: StageSubject) -> tuple[TfView, ...]:
+    """Compute what the frame rules look at: the tree of the lab, or those in namespaces."""
+    lab, stage, every = subject.lab, subject.stage, transform_topics(subject.lab)
+    if not lab.frames.trees:
+        return (_view(subject, every),)
+    views = []
+    for tree in lab.frames.trees:
+        topics = frozenset((tree.topic, f"{tree.topic}{STATIC}"))
+        own = replace(subject, lab=replace(lab, frames=lab.frames.on(tree.topic)))
+        nodes = (edge.cause for edge in edges_on(every - topics, stage))
+        views.append(replace(_view(own, topics), elsewhere=frozenset(nodes)))
+    return tuple(views)
+
+
+def _view(subject: StageSubject, topics: frozenset[str]) -> TfView:
     stage, children = subject.stage, dict[str, list[Edge]]()
-    topics, heard = transform_topics(subject.lab), _heard_domains(subject)
+    heard = _heard_domains(subject)
     edges = tuple(
         edge for edge in edges_on(topics, stage) if domain_name(edge.domain, subject) in heard
     )
@@ -203,6 +218,7 @@ def tf_view(subject: StageSubject) -> TfView:
         running_nodes(stage),
         role_specs(subject),
         unresolved_frames(topics, stage),
+        topics,
     )
 
 
@@ -228,10 +244,9 @@ def differs_from_spec(view: TfView, path: str) -> bool:
     if spec is None or node is None:
         return False
     ports = tf_ports(node)
-    named = (setting for setting in spec.settings if setting.port in ports.names)
-    if any(
-        not setting_matches(node, s, effective_value(node, s.port, view.live_nodes)) for s in named
-    ):
+    telling = {*ports.names, *(spec.type.topics if view.subject.lab.frames.trees else ())}
+    values = {s: effective_value(node, s.port, view.live_nodes) for s in spec.settings}
+    if any(not setting_matches(node, s, v) for s, v in values.items() if s.port in telling):
         return True
     return any(
         not target_matches(node, target)
@@ -370,21 +385,6 @@ def lacks_only_the_camera(maker: FrameSource, view: TfView) -> bool:
     is_root = expands(robot.path, maker.node, stage) or unknown_target(robot.path, stage)
     links = {*map(lab.frame_of, robot.link_paths)}
     return bool(is_root) and links.isdisjoint(missing_frames(maker, view))
-
-
-def waived_frames(view: TfView) -> set[str]:
-    """Return the required frames whose absence is no fault.
-
-    Those are the ones that a missing asset may hold, and those that F9 itself loses.
-    """
-    waived: set[str] = set()
-    for maker in frame_sources(view):
-        if not differs_from_spec(view, maker.node.path):
-            given = (frame for frame in maker.prims if unknown_frame(frame, maker, view))
-            waived.update(given)
-            if lacks_only_the_camera(maker, view):
-                waived.update(missing_frames(maker, view))
-    return waived - set(view.children)
 
 
 def frame_list_text(frames: list[str]) -> str:

@@ -138,9 +138,18 @@ MODULES = {
 TF = "TF"  # a part of a stage that is no graph and no sensor, as the scene is
 
 
+_FRAME = f"{TF}/frame/"
+
+
 def frame_places(*frames: str) -> tuple[Place, ...]:
     """Return the places at which a finding stands that is about frames: their requirements."""
-    return tuple((f"{TF}/frame/{frame}", None) for frame in frames)
+    return tuple((f"{_FRAME}{frame}", None) for frame in frames)
+
+
+def in_tree(place: str, topic: str) -> str:
+    """Return the place of a frame in the tree on a topic, any other place as it is."""
+    frame = place.removeprefix(_FRAME)
+    return place if frame == place else f"{_FRAME}{topic} {frame}"
 
 
 class Parameter(Struct, frozen=True):

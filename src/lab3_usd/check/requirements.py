@@ -9,7 +9,15 @@ from functools import lru_cache
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.lab_frames import tf_view, waived_frames
+from lab3_usd.check.lab_frames import (
+    TfView,
+    differs_from_spec,
+    frame_sources,
+    lacks_only_the_camera,
+    missing_frames,
+    tf_views,
+    unknown_frame,
+)
 from lab3_usd.check.match.conformance import (
     Found,
     is_fed,
@@ -18,7 +26,7 @@ from lab3_usd.check.match.conformance import (
     target_matches,
 )
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
-from lab3_usd.check.registry import TF, Demand, Demands, scene_demands
+from lab3_usd.check.registry import TF, Demand, Demands, frame_places, in_tree, scene_demands
 from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
 from lab3_usd.check.robot.sensors import sensor_group
@@ -264,16 +272,34 @@ def frame_requirements(subject: StageSubject) -> Iterator[Requirement]:
     """
     if not subject.checkpoint.frames:
         return
-    spec = subject.lab.frames
-    view = tf_view(subject)
-    waived = waived_frames(view)
-    heard = tree_of(view.edges)
-    published = {(edge.parent, edge.child) for edge in view.edges}
-    for parent, child in spec.edges:
-        met = (parent, child) in published or child in waived
-        met = met or (parent in spec.deeper and parent in heard.above(child))
-        title = f"{parent} -> {child} is published"
-        yield Requirement(f"{TF}/frame/{child}", TF, "frame", title, met, spec.handout)
+    trees = subject.lab.frames.trees or (None,)
+    for tree, view in zip(trees, tf_views(subject), strict=True):
+        spec, waived = view.subject.lab.frames, _waived_frames(view)
+        heard = tree_of(view.edges)
+        published = {(edge.parent, edge.child) for edge in view.edges}
+        where = "" if tree is None else f" on {tree.topic}"
+        for parent, child in spec.edges:
+            met = (parent, child) in published or child in waived
+            met = met or (parent in spec.deeper and parent in heard.above(child))
+            title = f"{parent} -> {child} is published{where}"
+            ((place, _),) = frame_places(child)
+            name = place if tree is None else in_tree(place, tree.topic)
+            yield Requirement(name, TF, "frame", title, met, spec.handout)
+
+
+def _waived_frames(view: TfView) -> set[str]:
+    """Return the required frames whose absence is no fault.
+
+    Those are the ones that a missing asset may hold, and those that F9 itself loses.
+    """
+    waived: set[str] = set()
+    for maker in frame_sources(view):
+        if not differs_from_spec(view, maker.node.path):
+            given = (frame for frame in maker.prims if unknown_frame(frame, maker, view))
+            waived.update(given)
+            if lacks_only_the_camera(maker, view):
+                waived.update(missing_frames(maker, view))
+    return waived - set(view.children)
 
 
 def with_costs(

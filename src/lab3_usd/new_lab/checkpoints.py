@@ -265,7 +265,9 @@ def checkpoints_text(
     )
     tick = events.most_common(1)[0][0] if events else lab.policy.tick
     policy = _policy().replace(lab.policy.tick, tick)
-    tree = {"frames": frames} if frames["edges"] else {}
+    joined = ("edges", "deeper_under") if "trees" in frames else ()  # as the trees have them
+    written = {key: value for key, value in frames.items() if key not in joined}
+    tree = {"frames": written} if frames["edges"] else {}
     data = {**tree, "checkpoints": {step.id: step.data for step in steps}}
     notes = {
         "frames": "The TF tree of the stage; a checkpoint asks for it with `frames: true`.",

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import shutil
 import tempfile
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -17,6 +17,7 @@ from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.frames import edges_on
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import order
+from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import GraphModel, StageModel
 from lab3_usd.new_lab.changes import (
@@ -186,11 +187,11 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     bases = [lab.frame_of(robot.base) for robot in lab.scene.robots]
     frames: dict[str, Any] = {
         "handout": texts[-1].spec.handout if texts else PART,
-        "edges": [f"{parent} -> {child}" for parent, child in edges],
+        **_tree(edges, bases),
     }
-    deeper = [base for base in bases if any(base in edge for edge in edges)]
-    if deeper:
-        frames["deeper_under"] = deeper if deeper[1:] else deeper[0]
+    trees = _trees(stage, replace(lab, graphs=built_on))
+    frames |= {"trees": [{"topic": topic, **_tree(trees[topic], bases)} for topic in trees]}
+    frames = {key: value for key, value in frames.items() if value or key == "edges"}
     frames |= {"names": overrides} if overrides else {}
     outside = tuple(_frames_outside(frames, lab))
     differing += changing
@@ -349,6 +350,26 @@ def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
         if graph_frame.parent:
             edges.setdefault(graph_frame.child, (graph_frame.parent, graph_frame.child))
     return list(edges.values())
+
+
+def _tree(edges: Iterable[tuple[str, str]], bases: Iterable[str]) -> dict[str, Any]:
+    """Return how a tree is written: its edges, and the bases below which it may be deeper."""
+    deeper = list(dict.fromkeys(base for base in bases if any(base in edge for edge in edges)))
+    below = {"deeper_under": deeper if deeper[1:] else deeper[0]} if deeper else {}
+    return {"edges": [f"{parent} -> {child}" for parent, child in edges], **below}
+
+
+def _trees(stage: StageModel, lab: Lab) -> dict[str, list[tuple[str, str]]]:
+    """Return the transforms by topic, where several have frames of the same names; else nothing."""
+    known = {frame.child for frame in graph_frames(lab)}
+    trees: dict[str, dict[str, tuple[str, str]]] = {}
+    for edge in edges_on(transform_topics(lab), stage):
+        if edge.child in known and edge.parent != edge.child:
+            own = trees.setdefault(edge.topic.removesuffix(STATIC), {})
+            own[edge.child] = (edge.parent, edge.child)
+    children = [child for own in trees.values() for child in own]
+    is_shared = len(children) > len({*children})
+    return {topic: list(own.values()) for topic, own in trees.items()} if is_shared else {}
 
 
 def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:

@@ -105,6 +105,9 @@ def _at_checkpoint(
     """Return the results of a stage that is judged by what a lab asks for."""
     lab, checkpoint = asked_by[0], asked_by[0].checkpoints[asked_by[1]]
     asked = expected_of_each(lab, checkpoint)
+    # Robots whose transforms have topics of their own have a tree each.
+    has_trees = len({wanted.transforms for wanted in asked.values()}) > 1
+    of_stage = [name for name in OF_STAGE if not (has_trees and name == "tree")]
     driven: list[Driven] = []
     robots: list[Judged] = []
     for name, wanted in asked.items():
@@ -118,12 +121,12 @@ def _at_checkpoint(
             shown = tuple(replace(check, of=of) for check in shown)
             if robot is not None:
                 driven.append(Driven(robot.name, wanted.joint_commands, wanted.domain))
-        own = {n: c for n, c in asked_checks(trial).items() if "" in asked or n not in OF_STAGE}
+        own = {n: c for n, c in asked_checks(trial).items() if "" in asked or n not in of_stage}
         robots.append(Judged(name, trial, (*judge(trial, own), *shown)))
     first, whole = robots[0].trial, tuple[Check, ...]()
     if "" not in asked:
         seen = replace(first, wanted=expected_at(lab, checkpoint))
-        whole = judge(seen, {n: c for n, c in asked_checks(seen).items() if n in OF_STAGE})
+        whole = judge(seen, {n: c for n, c in asked_checks(seen).items() if n in of_stage})
     sent = [message for message in first.recording.messages if message.away is None]
     behaviour = replace(
         behaviour_of(robots, whole, " with the radius of the lab"),

@@ -156,11 +156,21 @@ class LocalizationSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={
     handout: str
 
 
+class TreeSpec(Struct, frozen=True, forbid_unknown_fields=True):
+    """The tree of one robot, on its own topic."""
+
+    topic: str
+    edges: tuple[FrameEdge, ...]
+    deeper_under: str | tuple[str, ...] = ""
+
+
 class FrameSpec(Struct, frozen=True, dict=True, forbid_unknown_fields=True):
     """The TF tree.
 
     Frames may also be deeper below `deeper_under` than the edges say, as in a joint tree. `names`
     are the frames of prims that an `isaac:nameOverride` names otherwise than their prims, by path.
+    Robots in namespaces of their own, whose frames may have the same names, have `trees` in place
+    of `edges`: `trees: [{topic: /r1/tf, edges: [odom -> base]}, {topic: /r2/tf, edges: [...]}]`.
     """
 
     handout: str
@@ -169,6 +179,35 @@ class FrameSpec(Struct, frozen=True, dict=True, forbid_unknown_fields=True):
     forbidden: ForbiddenTransform | tuple[ForbiddenTransform, ...] = ()
     names: Mapping[str, str] = {}
     localization: LocalizationSpec | None = None
+    trees: tuple[TreeSpec, ...] = ()
+
+    @property
+    def joined(self) -> FrameSpec:
+        """The frames with the edges of all trees."""
+        edges = dict.fromkeys(edge for tree in self.each for edge in tree.edges)
+        deeper = [name for tree in self.each for name in tree.deeper]
+        return replace(self, edges=tuple(edges), deeper_under=tuple(dict.fromkeys(deeper)))
+
+    @property
+    def each(self) -> tuple[FrameSpec, ...]:
+        """The frames of each tree; of a single one, these."""
+        return tuple(self.on(tree.topic) for tree in self.trees) or (self,)
+
+    def on(self, topic: str) -> FrameSpec:
+        """Return the frames of the tree on a topic, all where there are no trees by topic."""
+        for tree in self.trees:
+            if tree.topic == topic:
+                return replace(self, edges=tree.edges, deeper_under=tree.deeper_under)
+        return self
+
+    def without(self, frames: Collection[str]) -> FrameSpec:
+        """Return the frames without some, and what is right below them."""
+        trees = tuple(
+            replace(tree, edges=tuple(edge for edge in tree.edges if not {*edge} & {*frames}))
+            for tree in self.trees
+        )
+        edges = tuple(edge for edge in self.edges if not {*edge} & {*frames})
+        return replace(self, edges=edges, trees=trees)
 
     @cached_property
     def roots(self) -> tuple[str, ...]:
@@ -383,10 +422,10 @@ def _at(lab: Lab, checkpoint: str) -> Lab:
             there = replace(there, nodes=earlier)
         graphs[name] = there
     frames = {lab.frame_of(path) for path in skipped}
-    edges = tuple(edge for edge in lab.frames.edges if frames.isdisjoint(edge))
-    if graphs == lab.graphs and len(edges) == len(lab.frames.edges):
+    left = lab.frames.without(frames)
+    if graphs == lab.graphs and len(left.edges) == len(lab.frames.edges):
         return lab
-    return replace(lab, graphs=graphs, frames=replace(lab.frames, edges=edges))
+    return replace(lab, graphs=graphs, frames=left)
 
 
 def _skipped_sensors(lab: Lab, checkpoint: str) -> tuple[str, ...]:

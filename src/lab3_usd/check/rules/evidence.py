@@ -228,16 +228,19 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     Example: {localization?}the tree starts at `{root}`, because no initial pose was
     set{else}`{link}` is missing, because its node was not triggered{/}.
     """
-    required: list[tuple[str, str]] = [*subject.frames.edges]
     localization = subject.frames.localization
-    if localization is not None and subject.asks_from(localization.since):
-        required.insert(0, localization.edge)
+    is_localized = localization is not None and subject.asks_from(localization.since)
+    above = [localization.edge] if localization is not None and is_localized else []
 
     def judge(shown: Observation[tuple[Edge, ...]]) -> list[Problem]:
         if not shown.fact:
             return [Problem(shown.file, "the TF tree is empty")]
         heard = tree_of(SentTransform(*edge) for edge in shown.fact)
-        found = list(_missing(required, heard, subject.frames.deeper, shown.file))
+        each = (
+            [*_missing([*above, *tree.edges], heard, tree.deeper, shown.file)]
+            for tree in subject.frames.each  # of which a file shows one
+        )
+        found = min(each, key=len)
         return [_before_localization(subject, problem) for problem in found]
 
     yield from judge_best(subject.evidence.view_frames.get("", ()), judge)

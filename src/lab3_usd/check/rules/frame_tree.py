@@ -74,7 +74,7 @@ def _placements(view: TfView) -> tuple[_Placement, ...]:
             found[edge.cause] = _Placement(edge.cause, edge.parent, edge.child, port)
     for path, node in view.live_nodes.items():
         names = tf_ports(node).names
-        if not names or path in found:
+        if not names or path in found or path in view.elsewhere:
             continue
         parent, child = (effective_value(node, name, view.live_nodes) for name in names)
         if not isinstance(child, str) or child not in guarded:

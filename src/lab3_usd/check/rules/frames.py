@@ -28,7 +28,7 @@ from lab3_usd.facts.frame_targets import (
 from lab3_usd.facts.frames import Edge, certain_edges, unknown_publishers
 from lab3_usd.facts.tree import tree_of
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
-from lab3_usd.model.finding import Finding, Place, Problem, Severity, display
+from lab3_usd.model.finding import Finding, Place, Problem, Requirement, Severity, display
 from lab3_usd.model.physics import rigid_bodies
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.spec.contradictions.names import file_of, graph_frames
@@ -243,7 +243,7 @@ def lost_frames(judged: JudgedStage) -> Iterator[Problem]:
         for requirement in judged.requirements
         if requirement.kind == "frame"
         and not requirement.met
-        and not _is_named(requirement.id.rpartition("/")[2], faults)
+        and not _is_named(requirement, faults)
     ]
     publishers = _publishers(judged, lost) if lost else {}
     others = [path for path in _graphs(judged, publish=False) if path not in publishers]
@@ -277,13 +277,13 @@ def _publishers(judged: JudgedStage, lost: Sequence[str]) -> dict[str, list[str]
     return of_graph
 
 
-def _is_named(frame: str, findings: list[Finding]) -> bool:
-    """Whether a finding is about the frame, its prim, or a setting that should name it."""
-    (place,) = frame_places(frame)
+def _is_named(requirement: Requirement, findings: list[Finding]) -> bool:
+    """Whether a finding is about a frame, its prim, or a setting that should name it."""
+    frame = requirement.title.partition(" is ")[0].partition(" -> ")[2]
     return any(
         finding.prim.endswith(f"/{frame}")
         or finding.expected == display(frame)
-        or place in finding.covers
+        or (requirement.id, None) in finding.covers
         for finding in findings
     )
 

@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.facts.tree import SentTransform, Tree
 from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
@@ -60,6 +61,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
     moving = [topic for topic in required if topic.name not in kept]
     names["transforms"] = _named(moving, _PARTS["transforms"]) or names["transforms"]
     root, base = _frames_of_odometry(lab, robot)
+    tree = lab.frames.on(names["transforms"])
     lidar = _sensor_behind(lab, names["scan"], "lidar", robot)
     camera = _sensor_behind(lab, names["image"], "camera", robot)
     driven = robot or lab.scene.robot
@@ -70,7 +72,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         commands=next(filter(None, (_named(required, kind) for kind in _COMMANDS)), ""),
         joint_commands=_named([topic for topic in required if topic.subscribed], _JOINTS),
         **names,
-        root=(root if robot is not None or not lab.scene.robots[1:] else "") or lab.frames.root,
+        root=(root if robot is not None or not lab.scene.robots[1:] else "") or tree.root,
         base=base or lab.frame_of(driven.base),
         scan_rate=_rate(lidar, lidar_names.rate),
         image_rate=_rate(camera, lidar_names.rate),
@@ -78,8 +80,8 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         view=view.along if view else (0.0, 0.0, 0.0),
         upward=view.up if view else (0.0, 0.0, 0.0),
         turn_rate=_rate(lidar, lidar_names.turns),
-        frames=tuple(child for _, child in lab.frames.edges) if checkpoint.frames else (),
-        roots=lab.frames.roots if len(lab.scene.robots) > 1 else (),
+        frames=tuple(child for _, child in tree.edges) if checkpoint.frames else (),
+        roots=tree.roots if len(lab.scene.robots) > 1 else (),
         is_car=_has_controller(lab, robot, "wheelBase"),
         has_rollers=_has_controller(lab, robot, "mecanumAngles"),
         wheel_radius=_drive_settings(lab, robot, _RADIUS)[0],
@@ -87,7 +89,7 @@ def expected_at(lab: Lab, checkpoint: Checkpoint, robot: RobotSpec | None = None
         profile={name: attribute.value for name, attribute in lidar.attributes.items()}
         if lidar
         else {},
-        static=kept,
+        static=kept if tree is lab.frames else kept & {names["transforms"] + STATIC},
         restarts=_restarts(lab),
         goes_with_environment=_goes_with_environment(lab),
         has_ground=lab.scene.world.ground is None,

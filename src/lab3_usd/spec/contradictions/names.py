@@ -249,19 +249,19 @@ def _tree(lab: Lab) -> dict[str, None]:
 
 
 def _double_parents(lab: Lab) -> Iterator[LabFault]:
-    parents: dict[str, str] = {}
-    for parent, child in lab.frames.edges:
-        if parent == child:
-            message = f"'{child}' is its own parent"
-            yield LabFault(CHECKPOINTS, f"{TREE}: {parent} -> {child}", message)
-        elif parents.setdefault(child, parent) != parent:
-            message = f"'{child}' has two parents, '{parents[child]}' and '{parent}'"
-            other = f"{CHECKPOINTS}: {TREE}: {parents[child]} -> {child}"
-            yield LabFault(CHECKPOINTS, f"{TREE}: {parent} -> {child}", message, other)
-    for forbidden in filter(lab.frames.is_forbidden, lab.frames.edges):
-        message = "is required and forbidden"
-        key = f"{TREE}: {forbidden[0]} -> {forbidden[1]}"
-        yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: frames: forbidden")
+    for tree in lab.frames.each:
+        parents: dict[str, str] = {}
+        for parent, child in tree.edges:
+            key = f"{TREE}: {parent} -> {child}"
+            if parent == child:
+                yield LabFault(CHECKPOINTS, key, f"'{child}' is its own parent")
+            elif parents.setdefault(child, parent) != parent:
+                message = f"'{child}' has two parents, '{parents[child]}' and '{parent}'"
+                other = f"{CHECKPOINTS}: {TREE}: {parents[child]} -> {child}"
+                yield LabFault(CHECKPOINTS, key, message, other)
+            if lab.frames.is_forbidden((parent, child)):
+                other = f"{CHECKPOINTS}: frames: forbidden"
+                yield LabFault(CHECKPOINTS, key, "is required and forbidden", other)
 
 
 def _forbidden(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:

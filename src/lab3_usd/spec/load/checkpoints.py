@@ -137,7 +137,7 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
         content.files,
         _entries(content.checkpoints),
         content.policy,
-        content.frames,
+        content.frames.joined if content.frames.trees else content.frames,
         content.handout,
     )
 
