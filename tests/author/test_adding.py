@@ -214,6 +214,22 @@ def test_a_joint_that_is_misspelt_is_refused_with_the_right_name(tmp_path: Path)
     assert "right_joint" in text
 
 
+def test_joints_are_taken_in_the_order_in_which_they_are_named(tmp_path: Path) -> None:
+    stage = written(bot(tmp_path), "drive", joints=("right_joint", "left_joint"))
+    names = value(stage, f"{DRIVE}/articulation_controller.inputs:jointNames")
+    assert names == ["right_joint", "left_joint"]
+
+
+@pytest.mark.parametrize("joints", [(), ("left_joint",)])
+def test_joints_that_are_no_pairs_are_refused(tmp_path: Path, joints: tuple[str, ...]) -> None:
+    assert "LEFT,RIGHT" in refusal(bot(tmp_path), "drive", joints=joints)
+
+
+@pytest.mark.parametrize("path", ["World/Drive", "/World/1x", "/World//Drive", "/"])
+def test_a_place_that_no_prim_can_have_is_refused(tmp_path: Path, path: str) -> None:
+    assert "is not the absolute path" in refusal(bot(tmp_path), "clock", graph=path)
+
+
 @pytest.mark.parametrize("topic", ["", "/9lives", "/cmd vel", "/a//b"])
 def test_a_topic_that_is_none_is_refused(tmp_path: Path, topic: str) -> None:
     assert "topic" in refusal(bot(tmp_path), "drive", topic=topic)
