@@ -333,7 +333,7 @@ def rollers() -> Usd.Stage:
             "angular": ("nodes.BreakVector3", {}),
             "told": ("nodes.MakeVector3", {}),
             "setup": ("wheeled.HolonomicRobotUsdSetup", {"robotPrim": robot, "comPrim": base}),
-            # It turns against what it is told (holonomic_controller.py:151, cross(V, place)).
+            # It turns against what it is told (holonomic_controller.py:138, cross(V, place)).
             "holonomic": ("wheeled.HolonomicController", {"angularGain": -1.0}),
             "move": ("core.IsaacArticulationController", {"targetPrim": robot}),
         },

@@ -244,7 +244,8 @@ def _base(root: str, links: Sequence[str], ties: Mapping[str, list[_Tie]]) -> st
     """Return the link on which all others hang.
 
     That is the root where it is a body, unless a joint turns it as a single wheel, else what is
-    tied to the world, else what most joints tie.
+    tied to the world, else the only link that holds others and hangs on none, else what most joints
+    tie: a wheel may have more rollers than the base has wheels.
     """
     own = ties.get(root, [])
     is_wheel = len(own) == 1 and own[0].joint.type != FIXED and len(links) > len(own) + 1
@@ -253,6 +254,10 @@ def _base(root: str, links: Sequence[str], ties: Mapping[str, list[_Tie]]) -> st
     tied = [link for link in links if any("" in tie.ends for tie in ties.get(link, ()))]
     if tied:
         return tied[0]
+    hanging = {tie.ends[1] for link in links for tie in ties.get(link, ())}
+    heads = [link for link in links if link not in hanging]
+    if len(heads) == 1 and len(ties.get(heads[0], ())) > 1:
+        return heads[0]
     return max(links, key=lambda link: len(ties.get(link, ())))
 
 
