@@ -53,6 +53,13 @@ def test_the_distribution_counts_steps_of_ten(percents: list[float], counts: lis
     assert max(bar.height for bar in bars) == (1 if percents else 0)
 
 
+def test_the_points_of_an_item_are_drawn_from_most_to_none() -> None:
+    earned = (0.0, 10.0, 5.0, 10.0)
+    clocks = [{**row("a")["items"][0], "earned": points} for points in earned]
+    text = page_of("A class", ITEMS, [row("a", items=[clock]) for clock in clocks])
+    assert re.findall(r'<path d="(.*?)"', text) == ["M0 20V0H50V10H75V20H100V20Z"]
+
+
 def test_the_hardest_requirements_come_first() -> None:
     rows = [
         row("a", lost=[{"item": "clock", "requirement": "ROS_Clock/wire/x", "title": "x"}]),

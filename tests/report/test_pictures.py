@@ -48,6 +48,7 @@ from lab3_usd.report.picture.svg import (
     svg_file,
 )
 from lab3_usd.report.pictures.graph_picture import graph_picture, spec_picture, stage_pictures
+from lab3_usd.report.pictures.node_boxes import findings_by_site
 from lab3_usd.report.pictures.tf_picture import frames_picture, spec_frames_picture
 from lab3_usd.report.safe_text import dot_string
 from lab3_usd.spec.graph import GraphSpec
@@ -739,6 +740,21 @@ def test_the_legend_explains_the_marks_that_the_picture_has() -> None:
     marked = texts(drawn(without(clock(), CONTEXT)))
     assert "missing" in marked
     assert "wrong" not in marked
+
+
+def test_values_that_are_exchanged_are_marked_at_both_nodes() -> None:
+    exchanged = replace(finding(PUBLISHER, "inputs:a"), related=("/World/Other.inputs:b", "/World"))
+    sites = findings_by_site([exchanged])
+    assert sites.state("/World/Other", "inputs:b") == sites.state(PUBLISHER, "inputs:a") == "wrong"
+    assert sites.state("/World") == "ok"
+
+
+def test_the_legend_names_no_line_that_is_not_drawn() -> None:
+    lines = [
+        {entry.kind for entry in frames_picture(LAB.frames, ASKED, localized=local).legend}
+        for local in (False, True)
+    ]
+    assert lines == [{"data"}, {"data", "execution"}]
 
 
 def test_the_picture_says_in_words_what_it_shows() -> None:

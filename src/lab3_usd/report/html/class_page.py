@@ -5,6 +5,7 @@ from __future__ import annotations
 import statistics
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
+from itertools import groupby
 from typing import Any, Protocol
 
 from markupsafe import Markup
@@ -51,12 +52,16 @@ class Needing(Struct, frozen=True):
 
 
 class ItemSummary(Struct, frozen=True):
-    """How one item of the rubric went: the mean share of its points, and the counts by state."""
+    """How one item of the rubric went: the mean share of its points, and the counts by state.
+
+    `path` outlines the points of all students, '' where nobody could earn any.
+    """
 
     title: str
     points: float
     mean: float | None
     states: Mapping[str, int]
+    path: str
 
 
 class Rows(Sized, Iterable[Row], Protocol):
@@ -227,6 +232,16 @@ def summaries(items: Sequence[Row], rows: Iterable[Row]) -> list[ItemSummary]:
             item["points"],
             statistics.fmean(shares[item["id"]]) if shares[item["id"]] else None,
             dict(sorted(states[item["id"]].items())),
+            _points_path(shares[item["id"]]),
         )
         for item in items
     ]
+
+
+def _points_path(shares: Sequence[float]) -> str:
+    """Return the outline of the points of a class, from most to none, in a box of 100 by 20."""
+    steps, end = "", 0
+    for share, group in groupby(sorted((round(share, 2) for share in shares), reverse=True)):
+        end += len([*group])
+        steps += f"V{20 - 20 * share:.4g}H{100 * end / len(shares):.4g}"
+    return f"M0 20{steps}V20Z" if steps else ""

@@ -216,7 +216,8 @@ def _view(box: Box, down: float, picture: Picture) -> str:
     across = min(box.x + box.w / 2, box.x + width / 2 - _ROUND)
     has_title = down + _ROUND < height - _ABOVE
     top = box.y - _ABOVE if has_title else box.y + down - height / 2
-    low = picture.legend[0].y - LEGEND_LINE  # the legend is no part of what is shown
+    entries = picture.legend  # no part of what is shown
+    low = entries[0].y - LEGEND_LINE if entries else picture.height
     left, top = (_within(across - width / 2, picture.width - width), _within(top, low - height))
     return f"{left:.0f} {top:.0f} {width:.0f} {height:.0f}"
 

@@ -147,7 +147,7 @@ SMALLEST = 620.0
 GRAPH_LEGEND = (LegendEntry("data", "data wire"), LegendEntry("execution", "execution wire"))
 TF_LEGEND = (
     LegendEntry("data", "published by the stage"),
-    LegendEntry("execution", "published elsewhere"),
+    LegendEntry("execution", "published elsewhere, or perhaps"),
 )
 UNKNOWN_ENTRY = LegendEntry("absent", "unknown: asset not found")
 FAMILY_ENTRIES = {
@@ -210,17 +210,20 @@ def _moved(curve: Curve, across: float, down: float) -> Curve:
 
 
 def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:
+    """Yield the entries of what is drawn: kinds of lines, families of boxes, states."""
+    families = {box.family for box in picture.boxes}
+    dashes = {"execution" if curve.dashed else "data" for curve in picture.curves}
+    lines = {"topics": TOPIC_LEGEND, "frames": TF_LEGEND}.get(picture.kind, GRAPH_LEGEND)
+    yield from (entry for entry in lines if entry.kind in dashes)
     if picture.kind == "topics":
-        yield from (*TOPIC_LEGEND, *TOPIC_FAMILIES)
-        if any(box.family == UNKNOWN_ENTRY.kind for box in picture.boxes):
+        of_topics = {"ros": TOPIC_FAMILIES[0], "data": TOPIC_FAMILIES[1]}
+        yield from (entry for family, entry in of_topics.items() if family in families)
+        if UNKNOWN_ENTRY.kind in families:
             yield replace(UNKNOWN_ENTRY, text="not judged")
     elif picture.kind == "frames":
-        yield from TF_LEGEND
-        if any(box.family == UNKNOWN_ENTRY.kind for box in picture.boxes):
+        if UNKNOWN_ENTRY.kind in families:
             yield UNKNOWN_ENTRY
     else:
-        yield from GRAPH_LEGEND
-        families = {box.family for box in picture.boxes}
         yield from (entry for family, entry in FAMILY_ENTRIES.items() if family in families)
     if picture.judged:
         seen = {box.frame for box in picture.boxes} | {curve.state for curve in picture.curves}

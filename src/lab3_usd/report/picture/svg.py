@@ -461,6 +461,8 @@ def path_data(path: tuple[Bezier, ...]) -> str:
 
 @lru_cache(maxsize=64)
 def _legend(legend: tuple[LegendEntry, ...], width: float) -> tuple[str, ...]:
+    if not legend:
+        return ()
     y = legend[0].y - LEGEND_LINE
     parts = [f'<path class="rule" d="M{pixels(MARGIN)} {pixels(y)}H{pixels(width - MARGIN)}"/>']
     for entry in legend:

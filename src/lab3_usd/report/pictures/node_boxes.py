@@ -6,6 +6,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.isaac.graph import PortRef
@@ -87,10 +88,15 @@ class SiteFindings(Struct, frozen=True, dict=True):
 
 
 def findings_by_site(findings: Iterable[Finding]) -> SiteFindings:
-    """Sort findings by site."""
+    """Sort findings by site; one that names a second port, as of exchanged values, is at both."""
     by_site: dict[Site, list[Finding]] = {}
     for finding in findings:
         by_site.setdefault((finding.prim, finding.property), []).append(finding)
+        name = finding.prim.rpartition("/")[2]
+        for prim, dot, port in (site.rpartition(".") for site in finding.related):
+            if dot:
+                twin = replace(finding, message=f"{name}: {finding.message}", expected=None)
+                by_site.setdefault((prim, port), []).append(twin)
 
     def severity(finding: Finding) -> int:
         return SEVERITIES.index(finding.severity)
