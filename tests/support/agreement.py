@@ -137,7 +137,8 @@ def published_topics(said: Answers) -> Iterator[str]:
     sending = [e for e in said.topics["topics"] if e["direction"] == "publishes" and e["runs"]]
     sent = {(e["domain"], e["name"]): e for e in said.play["topics"]}
     for (domain, topic), message in sent.items():
-        types = {e["type"] for e in sending if (e["domain"], e["topic"]) == (domain, topic)}
+        here = (e for e in sending if e["topic"] == topic and e["domain"] in {domain, None})
+        types = {e["type"] for e in here}  # that of a context of an unknown type may be any
         if not types:
             yield f"sim sends {topic} in domain {domain}, topics has no such topic"
         elif message["type"] not in types and None not in types:
@@ -146,8 +147,10 @@ def published_topics(said: Answers) -> Iterator[str]:
     told |= {path for each in found(said.lint) for path in each["related"]}
     told |= {end["node"] for end in sending if is_open(said, end["node"])}
     for end in sending:
-        key = (end["domain"], end["topic"])
-        is_lost = end["sure"] and end["topic"] and key not in sent and end["node"] not in told
+        is_sent = any(
+            topic == end["topic"] and end["domain"] in {domain, None} for domain, topic in sent
+        )
+        is_lost = end["sure"] and end["topic"] and not is_sent and end["node"] not in told
         if is_lost and not is_explained(said, end["node"]):
             yield f"topics says {end['node']} publishes {end['topic']}, sim receives nothing"
 

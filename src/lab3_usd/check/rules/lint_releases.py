@@ -52,7 +52,11 @@ def gone_setting(subject: LintSubject) -> Iterator[Problem]:
         yield from _without_prim(node, gone)
         for port, known in gone.items():
             other = node.state(known.off_for)
-            if known.off_for and node.ports[port].value is False and other and other.value:
+            if not known.off_for or node.ports[port].value is not False or other is None:
+                continue
+            # A path that leads where the node's target does changes nothing.
+            aims = {path for name in node.ports for path in node.targets(name)}
+            if other.value and other.value not in aims:
                 yield Problem(
                     node.path,
                     f"{known.off_for} is {display(other.value)}, and {port} no longer turns it "
