@@ -10,6 +10,7 @@ from foreign_robots import ROBOTS
 from golden import assert_golden, findings_text
 from linting import broken_robot, found_by, linted, said_by, sites_of
 from places import TESTS
+from pxr import UsdGeom
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import RuleResults
@@ -55,6 +56,19 @@ def test_a_fault_is_said_once_at_its_place(rule: str) -> None:
 def test_what_is_said_of_each_fault_is_as_it_was() -> None:
     shown = {name: findings_text(ordered(results(name).findings)) for name in TRIGGERS}
     assert_golden("lint-cases", shown)
+
+
+@pytest.mark.parametrize("name", [name for name in TRIGGERS if name.startswith(("Y01", "Y04"))])
+def test_how_a_robot_stands_is_judged_with_y_up_as_with_z_up(name: str) -> None:
+    case = TRIGGERS[name]
+    stage = broken_robot(case["robot"], case["break"])
+    UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
+    for top in stage.GetPseudoRoot().GetChildren():
+        place = UsdGeom.Xformable(top)
+        turn = place.AddRotateXOp(opSuffix="up")
+        turn.Set(-90.0)
+        place.SetXformOpOrder([turn, *place.GetOrderedXformOps()[:-1]])
+    assert sites_of(found_by(name[:3], stage)) == case["expect"]
 
 
 @pytest.mark.parametrize("rule", CASES)

@@ -4,23 +4,27 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
+from itertools import pairwise
 from typing import TYPE_CHECKING
 
 from lab3_usd.facts.articulations import driven_wheels
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.model.physics import (
     BODIES,
+    CENTRE,
     DRIVE_API,
     MASS,
     PLANE,
     REVOLUTE,
     STIFFNESS,
+    UNSET,
     joints,
     number,
     vector,
 )
-from lab3_usd.model.prims import Collider
+from lab3_usd.model.prims import Collider, Prim
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.model.transforms import IDENTITY, scaled, transform_point
 
 if TYPE_CHECKING:
     from lab3_usd.physics.machine import Machine
@@ -29,6 +33,8 @@ if TYPE_CHECKING:
 INERTIA = "physics:diagonalInertia"
 _NOISE = 5e-5  # metres between boxes
 _DEEP = 5e-3  # metres by which boxes of shapes overlap that are inside one another
+_NEAR = 0.01  # metres above the lowest point up to which a shape may carry a robot
+_BESIDE = 2e-3  # metres around a centre of mass that are to be carried as well
 _STEP = 0.05  # metres that ground may be above the lowest point of a robot
 _HEAVY = 10.0  # times that inertia is larger than that of a ball around the body
 _MESH = "Mesh"
@@ -39,13 +45,13 @@ _FEW = 64  # square metres below a box, beyond which each robot looks at it
 def machines(stage: StageModel) -> Machines | None:
     """Return what moves on a stage as a dry run has it, None where boxes show that it stands well.
 
-    Nothing is known of what a script makes, and a dry run drives robots with Z up only.
+    Nothing is known of what a script makes. Z is up in what is returned.
     """
-    if stage.scene is None or stage.up_axis != "Z" or not _is_doubtful(stage):
+    if stage.scene is None or not _is_doubtful(stage):
         return None
     from lab3_usd.physics.machines import Machines  # which few stages need
 
-    return Machines(stage.scene(), has_ground=True)
+    return Machines(stage.scene().upright(), has_ground=True)
 
 
 def driven_machines(stage: StageModel) -> Iterator[tuple[Node, Machine]]:
@@ -72,6 +78,7 @@ def _is_doubtful(stage: StageModel) -> bool:
         is_robot = name and known.sizes.get(name, 0) > 1
         box = stage.colliders.measured(bounds.path) if is_robot else bounds
         if box is not None:
+            box = box if stage.up_axis == "Z" else _upright(box)
             boxes.setdefault(name, []).append((box, body))
     robots = {name: own for name, own in boxes.items() if name and known.sizes.get(name, 0) > 1}
     rolling = {known.robots[link] for link in wheels}
@@ -80,9 +87,13 @@ def _is_doubtful(stage: StageModel) -> bool:
         low = min((box.low[2] for box, body in own if body in wheels), default=0.0)
         if any(box.low[2] < low - _NOISE for box, body in own if body not in wheels):
             return True
-    whole = {name: _around(box for box, _ in robots[name]) for name in rolling & robots.keys()}
+        if _may_tip(stage, own, [body for body, of in known.robots.items() if of == name]):
+            return True
+    whole = {name: _around(box for box, _ in own) for name, own in robots.items()}
     return (
-        _has_odd_ground(stage, boxes.get("", ()), whole)
+        _has_odd_ground(
+            stage, boxes.get("", ()), {name: whole[name] for name in rolling & {*whole}}
+        )
         or _meet(stage, boxes, whole)
         or any(_is_odd_inertia(stage, own) for own in robots.values())
     )
@@ -107,6 +118,56 @@ def _around(boxes: Iterable[Collider]) -> Collider:
     low = [min(box.low[k] for box in every) for k in range(3)]
     high = [max(box.high[k] for box in every) for k in range(3)]
     return Collider("", (low[0], low[1], low[2]), (high[0], high[1], high[2]))
+
+
+def _upright(box: Collider) -> Collider:
+    """Return a box on a stage with Y up as it would be with Z up."""
+    (x, y, z), (u, v, w) = box.low, box.high
+    return Collider(box.path, (x, -w, y), (u, -z, v))
+
+
+def _may_tip(stage: StageModel, own: Sequence[tuple[Collider, str]], bodies: Sequence[str]) -> bool:
+    """Whether the centre of mass of a robot may be beside the middles of what is near the ground.
+
+    A body without a mass has that of its shapes, which boxes do not tell.
+    """
+    shapes: dict[str, list[Collider]] = {}
+    for box, body in own:
+        shapes.setdefault(body, []).append(box)
+    total, moment = 0.0, (0.0, 0.0)
+    for body in bodies:
+        prim = stage.prims[body]
+        mass = number(prim.attributes.get(MASS)) or 0.0
+        if mass <= 0 or prim.world is None:
+            return True
+        x, y = _centre_of(prim, shapes.get(body, ()), stage)
+        total, moment = total + mass, (moment[0] + mass * x, moment[1] + mass * y)
+    low = min(box.low[2] for box, _ in own)
+    feet = [_middle(box) for box, _ in own if box.low[2] <= low + _NEAR]
+    u, v = moment[0] / total, moment[1] / total
+    around = ((u + x, v + y) for x in (-_BESIDE, _BESIDE) for y in (-_BESIDE, _BESIDE))
+    return not all(_is_among(feet, place) for place in around)
+
+
+def _centre_of(prim: Prim, shapes: Sequence[Collider], stage: StageModel) -> tuple[float, float]:
+    """Return where about the centre of mass of a body is, seen from above."""
+    centre = vector(prim.attributes.get(CENTRE)) if CENTRE in prim.attributes else None
+    if (centre is None or max(map(abs, centre)) >= UNSET) and shapes:
+        return _middle(_around(shapes))
+    known = centre if centre is not None and max(map(abs, centre)) < UNSET else (0.0, 0.0, 0.0)
+    x, y, z = scaled(transform_point(known, prim.world or IDENTITY), stage.meters_per_unit)
+    return (x, y) if stage.up_axis == "Z" else (x, -z)
+
+
+def _middle(box: Collider) -> tuple[float, float]:
+    return (box.low[0] + box.high[0]) / 2, (box.low[1] + box.high[1]) / 2
+
+
+def _is_among(points: Sequence[tuple[float, float]], place: tuple[float, float]) -> bool:
+    """Whether points lie around a place on all sides."""
+    x, y = place
+    ways = sorted(math.atan2(v - y, u - x) for u, v in points)
+    return all(b - a < math.pi for a, b in pairwise([*ways, ways[0] + 2 * math.pi]))
 
 
 def _has_odd_ground(

@@ -8,15 +8,18 @@ from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit
+from lab3_usd.model.physics import GRAVITY_DIRECTION, vector
 from lab3_usd.model.transforms import Vector, length
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
 Rows = tuple[Vector, Vector, Vector]
 FOLLOWS = 0.05  # the part of a command by which a robot without mass may miss it
 _HALF_TURN = 1e-3  # w of a quaternion, below which another part is larger
+_UPRIGHT: Rows = ((1.0, 0.0, 0.0), (0.0, 0.0, -1.0), (0.0, 1.0, 0.0))  # Y up to Z up
 AXES: Rows = ((1.0, 0.0, 0.0), (0.0, 1.0, 0.0), (0.0, 0.0, 1.0))
 
 
@@ -203,6 +206,20 @@ class Scene(Struct, frozen=True, dict=True):
     graphs: tuple[SceneGraph, ...]
     prims: dict[str, ScenePrim]
     missing: dict[str, str]
+
+    def upright(self) -> Scene:
+        """Return it turned so that Z is up: where prims are, and which way gravity pulls."""
+        if self.up != "Y":
+            return self
+        turn = Affine(_UPRIGHT)
+        prims = {
+            path: replace(prim, world=turn.then(prim.world)) for path, prim in self.prims.items()
+        }
+        for path, prim in prims.items():
+            if GRAVITY_DIRECTION in prim.values:
+                pull = turn.turn(vector(prim.values[GRAVITY_DIRECTION]))
+                prims[path] = replace(prim, values={**prim.values, GRAVITY_DIRECTION: pull})
+        return replace(self, up="Z", prims=prims)
 
     def below(self, path: str) -> Iterator[ScenePrim]:
         """Yield a prim and all below it: what follows it in the stage."""

@@ -37,6 +37,7 @@ from lab3_usd.physics.stance import (
     Stance,
     contacts,
     moment_of,
+    shapes_of,
     stance_of,
 )
 from lab3_usd.physics.surfaces import cut, ground_of, height_at, is_mirrored, placed_surface
@@ -222,7 +223,11 @@ class Machines:
 
     def _look_inside(self, machine: Machine) -> None:
         """See whether a robot starts inside of something, which throws it out."""
-        machine.inside = tuple(overlaps_of(self, machine)) if machine.wheels else ()
+        if not machine.joints:
+            return
+        stance = self.stances.get(machine.base)
+        shapes = shapes_of(self.scene, self._bodies, machine) if stance is None else stance.solids
+        machine.inside = tuple(overlaps_of(self, machine, shapes))
         for overlap in machine.inside:
             text = f"it starts {100 * overlap.depth:.2g} cm inside {overlap.other}"
             machine.unclear[overlap.own] = f"{text}, and is thrown out of there"

@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene
-from lab3_usd.model.physics import FAR, MASS, number, vector
+from lab3_usd.model.physics import CENTRE, FAR, MASS, UNSET, number, vector
 from lab3_usd.model.solids import Solid, solid_of
 from lab3_usd.model.statics import Stand, standing
 from lab3_usd.model.transforms import Vector, cross, dot, length, minus
@@ -24,8 +24,7 @@ ACROSS = math.cos(math.radians(10.0))  # between the axis of a tyre and its axle
 ROUND = 0.9  # part of the largest radius of a tyre that its least is
 SECTORS = 8  # in which a tyre of points is measured
 DENSITY = 1000.0  # of a body without a mass, kilograms a cubic metre (UsdPhysics)
-CENTRE, DENSITY_NAME = "physics:centerOfMass", "physics:density"
-UNSET = 1e8  # an infinite value means that the schema's own counts
+DENSITY_NAME = "physics:density"
 
 
 class Stance(Struct, frozen=True):

@@ -2,15 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from lab3_usd.model.dry_run import AXES, Affine
 from lab3_usd.model.physics import MASS, number
-from lab3_usd.model.solids import box_of, solid_of
+from lab3_usd.model.solids import Solid, box_of, solid_of
 from lab3_usd.model.transforms import length, minus
 from lab3_usd.physics.bodies import has_collision
-from lab3_usd.physics.machine import Floor, Machine
+from lab3_usd.physics.machine import FIXED, Floor, Machine
 from lab3_usd.physics.overlaps import Block, Overlap, block_of, overlaps
 from lab3_usd.physics.stance import DENSITY, Stance
 from lab3_usd.physics.surfaces import Surface, cut, placed_surface
@@ -84,16 +84,22 @@ def _mass(machines: Machines, body: str) -> float:
     return volume * machines.scene.meters_per_unit**3 * DENSITY or 1.0
 
 
-def overlaps_of(machines: Machines, machine: Machine) -> Iterator[Overlap]:
+def overlaps_of(
+    machines: Machines, machine: Machine, shapes: Mapping[str, Sequence[Solid]]
+) -> Iterator[Overlap]:
     """Yield what a robot is inside of where playing starts; its ground is none of that.
 
-    Of other robots the first one: a heap of robots is told robot by robot.
+    Of one that is held by the world only the links that move are thrown. Of other robots the first
+    one: a heap of robots is told robot by robot.
     """
-    scene, stance = machines.scene, machines.stances.get(machine.base)
-    if stance is None or machine.held:
-        return
+    scene = machines.scene
     start = Affine(AXES, machine.start.origin)
-    own = [solid.moved(start) for solids in stance.solids.values() for solid in solids]
+    own = [
+        solid.moved(start)
+        for body, solids in shapes.items()
+        if not machine.held or any(joint.kind != FIXED for joint in machine.above(body))
+        for solid in solids
+    ]
     if not own:
         return
     near = [solid.farthest((-x, -y, -z)) for solid in own for x, y, z in AXES]

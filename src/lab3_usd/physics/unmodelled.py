@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 from lab3_usd.model.dry_run import Scene, ScenePrim
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
-from lab3_usd.model.physics import SCENE, numbers, vector
+from lab3_usd.model.physics import SCENE, UNSET, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.solids import box_of
 from lab3_usd.model.transforms import length, minus
@@ -25,7 +25,6 @@ _COLLIDERS = "collection:colliders:"
 _SPEED = "physxJoint:maxJointVelocity"
 _ROUND, _EVEN = ("Sphere", "Cylinder", "Capsule", "Cone"), 0.01
 _INERTIA, _PLACEHOLDER = "physics:diagonalInertia", 50.0  # times that no shape explains
-_UNSET = 1e8  # an infinite value means that the schema's own counts
 _MIMIC = ("physxMimicJoint:", "newton:mimic")
 _FASTEST = 0.5  # metres a second: no command lets a robot, or the rim of a wheel, go faster
 _SLOWEST = 10.0  # degrees a second: a joint that may turn so fast comes where it should
@@ -162,7 +161,7 @@ def inert(machines: Machines, robot: Machine) -> Iterator[tuple[str, str]]:
         parts = [body] if body in turning else [*robot.rest]
         shapes = [shape for part in parts for shape in stance.solids[part]]
         points = [point for shape in shapes for point in shape.points]
-        if not most or most > _UNSET or not points:
+        if not most or most > UNSET or not points:
             continue
         low, high = box_of(points)
         reach = max((r for shape in shapes for r in shape.radii), default=0.0)

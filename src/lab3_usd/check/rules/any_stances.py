@@ -17,8 +17,10 @@ from lab3_usd.facts.stances import INERTIA, driven_machines, machines
 from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import (
+    CENTRE,
     GRAVITY,
     GRAVITY_DIRECTION,
+    MASS,
     SCENE,
     SLIDES_OFF,
     down,
@@ -37,13 +39,14 @@ if TYPE_CHECKING:
 
 @rule("Y01", "wheels-off-ground", scope="lint")
 def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
-    """Something below its driven wheels carries the robot.
+    """Something below its driven wheels carries the robot, or nothing does, and it tips over.
 
     Why: wheels have no suspension. A chassis or castors 0.3 mm below the wheels carry the robot,
-    and the wheels turn in the air.
+    and the wheels turn in the air. A centre of mass beside all that touches the ground tips it.
 
     Fix: raise the shape named here, so that nothing reaches below the wheels, or lower the wheels.
-    One castor lower than the wheels tips the robot a little, and it drives.
+    One castor lower than the wheels tips the robot a little, and it drives. Of a robot that tips
+    over, correct masses and centres of mass, or add castors that collide.
 
     Example: the collision box of the chassis reaches 1 mm below the wheels.
     """
@@ -56,12 +59,12 @@ def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("S31", "carried-by-other-parts", scope="stage", demands=rests, needs="wheels")
 def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
-    """Something below its wheels carries the robot.
+    """Something below its wheels carries the robot, or nothing does, and it tips over.
 
     Why: wheels have no suspension. A chassis or castors 0.3 mm below the wheels carry the robot,
-    and the wheels turn in the air.
+    and the wheels turn in the air. A centre of mass beside all that touches the ground tips it.
 
-    Fix: set the shape named here, and its link, to the values in the supplied file.
+    Fix: set the shape named here, its link, and masses, to the values in the supplied file.
 
     Example: the collision box of `{robot}/{base}` reaches 1 mm below the wheels.
     """
@@ -86,10 +89,14 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
 
 
 def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
-    """Yield what carries a robot in place of its wheels."""
-    if machine.carrier is None or machine.smooth:
+    """Yield what carries a robot in place of its wheels, or that nothing does."""
+    if machine.smooth or (machine.carrier is None and not machine.falls):
         return
-    path, text = machine.carrier
+    path, text = machine.carrier or (
+        machine.base,
+        "nothing carries its centre of mass: it tips over",
+    )
+    weights: list[Place] = [(body, name) for body in machine.rest for name in (MASS, CENTRE)]
     parts = [*machine.rest, *(joint.path for joint in machine.parents.values())]
     shapes: list[Place] = [(f"{body}/", name) for body in machine.rest for name in SHAPE]
     yield Problem(
@@ -97,7 +104,7 @@ def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
         text,
         expected="the weight on the wheels",
         related=(machine.base,),
-        assumes=(*((part, None) for part in parts), *shapes),
+        assumes=(*((part, None) for part in parts), *shapes, *(weights if machine.falls else ())),
         rests_on=stage.unknown_below(commonpath(machine.rest)),
     )
 
