@@ -13,12 +13,12 @@ from msgspec import Struct
 from lab3_usd.model.dry_run import AXES, ScenePrim
 from lab3_usd.model.solids import Solid, across, box_of, solid_of
 from lab3_usd.model.transforms import Vector, cross, dot, length, minus
-from lab3_usd.physics.surfaces import Surface
+from lab3_usd.physics.surfaces import Surface, placed_surface
 
 DEEP = 5e-3  # metres from which on it counts
 _HULLS = (None, "convexHull", "boundingCube", "boundingSphere")  # one solid, as far as it is full
-_MANY = 5000  # faces of a mesh beyond which none is looked at
 _ROUNDS = 12
+Box = tuple[Vector, Vector]
 _CORNERS = len("abc")
 
 
@@ -37,20 +37,19 @@ class Block(Struct, frozen=True):
     solids: Sequence[Solid]
 
 
-def block_of(prim: ScenePrim, surface: Surface | None = None) -> Block | None:
-    """Return a shape as PhysX has it; `surface` is that of one that does not move.
+def block_of(prim: ScenePrim, box: Box, surface: Surface | None = None) -> Block | None:
+    """Return a shape as PhysX has it inside a box; `surface` is that of one that does not move.
 
-    None for a plane, and for a mesh that is not as full as the hull around it. Of triangles those
-    that lie level are ground.
+    None for a plane. A mesh that is not as full as the hull around it is its triangles, as one that
+    does not move; of these those that lie level are ground.
     """
-    if prim.type == "Mesh" and surface is not None and surface.side:
-        if len(surface.counts) > _MANY:
-            return None
-        faces = (Solid(prim.path, prim.type, face) for face in surface.triangles())
-        return Block(prim.path, [face for face in faces if not _is_level(face)])
-    solid = solid_of(prim, prim.world)
     is_full = prim.type != "Mesh" or prim.values.get("physics:approximation") in _HULLS
-    return Block(prim.path, [solid]) if solid is not None and is_full else None
+    if is_full and not (prim.type == "Mesh" and surface is not None and surface.side):
+        solid = solid_of(prim, prim.world)
+        return None if solid is None else Block(prim.path, [solid])
+    surface = surface or placed_surface(prim, prim.world)
+    faces = (Solid(prim.path, prim.type, face) for face in surface.within(*box))
+    return Block(prim.path, [face for face in faces if not _is_level(face)])
 
 
 def _is_level(face: Solid) -> bool:

@@ -21,6 +21,7 @@ ENDLESS = 1e3
 BOTH = 2  # sides of a plane, or segments that meet at a point
 IN_LINE = 1e-9
 _MOST_LEVELS = 16  # of one surface
+_EVERY_SIDE = 0b111111  # of a box
 _FEW = 500  # faces, of which triangles are kept
 _MESH, _MEASURES = "Mesh", ("size", "radius", "height", "axis")
 _BUFFERS = ("points", "faceVertexCounts", "faceVertexIndices")
@@ -83,6 +84,20 @@ class Surface(Struct, frozen=True, dict=True):
             return
         for face in self._faces():
             if len({above[number] for number in face}) == BOTH:
+                yield from self._fan(face)
+
+    def within(self, low: Vector, high: Vector) -> Iterator[Triangle]:
+        """Yield the triangles of the faces that may reach into a box."""
+        (a, b, c), (d, e, f) = low, high
+        beside = [
+            (x < a) | (x > d) << 1 | (y < b) << 2 | (y > e) << 3 | (z < c) << 4 | (z > f) << 5
+            for x, y, z in zip(self.xs, self.ys, self.zs, strict=True)
+        ]
+        for face in self._faces():
+            sides = _EVERY_SIDE
+            for number in face:
+                sides &= beside[number]
+            if not sides:
                 yield from self._fan(face)
 
     def level(self, height: float) -> Sequence[Segment]:

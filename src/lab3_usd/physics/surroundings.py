@@ -104,7 +104,7 @@ def overlaps_of(
         return
     near = [solid.farthest((-x, -y, -z)) for solid in own for x, y, z in AXES]
     far = [solid.farthest(axis) for solid in own for axis in AXES]
-    low, high = box_of([*near, *far])
+    low, high = box = box_of([*near, *far])
 
     def deep(blocks: Iterable[Block | None]) -> Iterator[Overlap]:
         for overlap in overlaps(own, filter(None, blocks), scene.meters_per_unit):
@@ -118,13 +118,14 @@ def overlaps_of(
         at, to = surface.box
         is_ground = path in floors and to[2] <= step
         if not is_ground and all(low[k] < to[k] and at[k] < high[k] for k in range(3)):
-            blocks.append(block_of(scene.prims[path], surface))
+            blocks.append(block_of(scene.prims[path], box, surface))
     yield from deep(blocks)
     for other in machines.machines:
         away = length(minus(machine.start.origin, other.start.origin))
         if other is not machine and away < AROUND / scene.meters_per_unit:
             parts = (prim for body in other.rest for prim in scene.below(body))
-            inside = list(deep(block_of(prim) for prim in parts if has_collision(prim)))
+            blocks = [block_of(prim, box) for prim in parts if has_collision(prim)]
+            inside = list(deep(blocks))
             yield from inside
             if inside:
                 return
