@@ -177,6 +177,9 @@ _ALSO: Mapping[FaultKind, Sequence[str]] = {
     "no-velocity-drive": _OF_WHEELS,
     "wrong-domain": ("P01",),
     "duplicate-publisher": ("L07", "N07"),
+    "several-parents": ("K59",),
+    "several-publishers": ("K59",),
+    "silent-topic": ("G01",),
     "wrong-stamp": ("P09", "K45", "K46"),
 }
 
