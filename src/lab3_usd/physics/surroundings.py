@@ -124,8 +124,7 @@ def overlaps_of(
         away = length(minus(machine.start.origin, other.start.origin))
         if other is not machine and away < AROUND / scene.meters_per_unit:
             parts = (prim for body in other.rest for prim in scene.below(body))
-            blocks = [block_of(prim, box) for prim in parts if has_collision(prim)]
-            inside = list(deep(blocks))
+            inside = list(deep(block_of(prim, box) for prim in parts if has_collision(prim)))
             yield from inside
             if inside:
                 return
