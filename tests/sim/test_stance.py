@@ -54,6 +54,15 @@ def test_a_centre_of_mass_that_nothing_is_below_falls() -> None:
     assert stand(ball("castor", -0.2, -0.07), ahead=0.1).falls
 
 
+def test_two_balls_of_two_sizes_lean_to_the_smaller() -> None:
+    balls = [
+        solid("ball", "Sphere", Sizes(radius=radius), Affine(origin=(0.0, y, 0.0)))
+        for y, radius in ((0.25, 0.1), (-0.25, 0.08))
+    ]
+    found = standing([shape for shape in balls if shape], (0.0, 0.0, 0.0))
+    assert (found.falls, found.lean) == (False, pytest.approx(math.asin(0.02 / 0.5), rel=0.01))
+
+
 def test_a_chassis_hangs_on_its_axle() -> None:
     found = stand(ahead=0.01, above=-0.05)
     assert not found.falls

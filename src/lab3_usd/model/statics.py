@@ -106,11 +106,10 @@ def _plane_below(points: Sequence[Vector], centre: Vector, near: float) -> _Plan
     """
     hull = _outline([(x, y) for x, y, _ in points])
     x, y, _ = centre
-    low = min((z for _, _, z in points), default=0.0)
     if not hull or _outside(hull, x, y) > near:
         return None
     if len(hull) < len("abc") or _area(hull) < _NO_AREA:
-        return (0.0, 0.0, low)
+        return _line_below(points, hull, x, y)
     x, y = _drawn_in(hull, x, y)
     highest: dict[tuple[float, float], float] = {}
     for u, v, w in points:
@@ -132,6 +131,26 @@ def _plane_below(points: Sequence[Vector], centre: Vector, near: float) -> _Plan
         # Of a point on an edge more than one holds the centre: the one that is not flat.
         triple = max((each for each in triples if _holds(each, x, y)), key=_size, default=triple)
     return _through(triple)
+
+
+def _line_below(
+    points: Sequence[Vector], hull: Sequence[tuple[float, float]], x: float, y: float
+) -> _Plane:
+    """Return the plane, level across, on which points on a line rest at the centre."""
+    (p, q), (u, v) = min(hull), max(hull)
+    size = math.hypot(u - p, v - q) or 1.0
+    along = ((u - p) / size, (v - q) / size)
+    places = [((u - x) * along[0] + (v - y) * along[1], w) for u, v, w in points]
+    chords = (
+        (r - k * s, k)
+        for s, r in places
+        for t, w in places
+        if s <= 0 <= t
+        for k in ((w - r) / (t - s) if t > s else 0.0,)
+    )
+    height, slope = min(chords, default=(min(w for _, w in places), 0.0))
+    a, b = slope * along[0], slope * along[1]
+    return (a, b, height - a * x - b * y)
 
 
 def _through(triple: tuple[Vector, Vector, Vector]) -> _Plane:

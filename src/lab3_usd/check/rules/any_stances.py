@@ -20,11 +20,14 @@ from lab3_usd.model.physics import (
     CENTRE,
     GRAVITY,
     GRAVITY_DIRECTION,
+    JOINT_ENABLED,
     MASS,
     SCENE,
     SLIDES_OFF,
     down,
     is_felt,
+    is_switched_off,
+    joints_at,
     number,
     slant,
     vector,
@@ -89,8 +92,13 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
 
 
 def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
-    """Yield what carries a robot in place of its wheels, or that nothing does."""
-    if machine.smooth or (machine.carrier is None and not machine.falls):
+    """Yield what carries a robot in place of its wheels, or that nothing does.
+
+    Of one that stands on what a joint left that is switched off, the joint is the fault.
+    """
+    tied = joints_at(machine.rest, stage) if machine.falls else ()
+    tips = machine.falls and not any(is_switched_off(joint, JOINT_ENABLED) for joint in tied)
+    if machine.smooth or (machine.carrier is None and not tips):
         return
     path, text = machine.carrier or (
         machine.base,
@@ -104,7 +112,7 @@ def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
         text,
         expected="the weight on the wheels",
         related=(machine.base,),
-        assumes=(*((part, None) for part in parts), *shapes, *(weights if machine.falls else ())),
+        assumes=(*((part, None) for part in parts), *shapes, *(weights if tips else ())),
         rests_on=stage.unknown_below(commonpath(machine.rest)),
     )
 
