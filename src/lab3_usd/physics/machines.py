@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
+from functools import cached_property
+from itertools import product
 from operator import itemgetter
 from typing import Any
 
@@ -41,7 +43,7 @@ from lab3_usd.physics.stance import (
     stance_of,
 )
 from lab3_usd.physics.surfaces import cut, ground_of, height_at, is_mirrored, placed_surface
-from lab3_usd.physics.surroundings import LEVEL, SKIRT, STEP_UP, note_obstacles, overlaps_of
+from lab3_usd.physics.surroundings import AROUND, LEVEL, SKIRT, STEP_UP, note_obstacles, overlaps_of
 from lab3_usd.physics.unmodelled import filters_of
 
 _NOISE = 1e-5  # metres by which a robot may be above or below the ground at the start
@@ -370,6 +372,24 @@ class Machines:
         below = (min(wheels) - lows[path]) * self.scene.meters_per_unit if wheels else 0.0
         return f", {1000 * below:.2g} mm below the wheels," if below > CONTACT else ""
 
+    def near(self, machine: Machine) -> Iterator[Machine]:
+        """Yield the other machines that may be in the way of one, in their order."""
+        x, y = _square(machine, self.scene)
+        squares = product((x - 1, x, x + 1), (y - 1, y, y + 1))
+        places = (place for square in squares for place in self._squares.get(square, ()))
+        for other in (self.machines[place] for place in sorted(places)):
+            away = length(minus(machine.start.origin, other.start.origin))
+            if other is not machine and away < AROUND / self.scene.meters_per_unit:
+                yield other
+
+    @cached_property
+    def _squares(self) -> Mapping[tuple[int, int], Sequence[int]]:
+        """The machines by where they start, in squares as wide as others may be in the way."""
+        squares: dict[tuple[int, int], list[int]] = {}
+        for place, machine in enumerate(self.machines):
+            squares.setdefault(_square(machine, self.scene), []).append(place)
+        return squares
+
     def floors(self, machine: Machine) -> list[str]:
         """Return the paths of the shapes that a robot stands on."""
         x, y, z = machine.start.origin
@@ -439,6 +459,12 @@ class Machines:
                 at = base.then(machine.rest[body]).then(back).then(prim.world)
                 corners.extend(placed_surface(prim, at).points())
         return corners
+
+
+def _square(machine: Machine, scene: Scene) -> tuple[int, int]:
+    x, y, _ = machine.start.origin
+    side = AROUND / scene.meters_per_unit
+    return math.floor(x / side), math.floor(y / side)
 
 
 def is_pulled(scene: Scene) -> bool:

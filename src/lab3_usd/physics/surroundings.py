@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING
 from lab3_usd.model.dry_run import AXES, Affine
 from lab3_usd.model.physics import MASS, number
 from lab3_usd.model.solids import Solid, box_of, solid_of
-from lab3_usd.model.transforms import length, minus
 from lab3_usd.physics.bodies import has_collision
 from lab3_usd.physics.machine import FIXED, Floor, Machine
 from lab3_usd.physics.overlaps import Block, Overlap, block_of, overlaps
@@ -34,11 +33,7 @@ def note_obstacles(machines: Machines, machine: Machine, stance: Stance, ground:
         return
     unit = 1.0 / machines.scene.meters_per_unit
     own = _HEAVY * sum(stance.masses.values())
-    here = machine.start.origin
-    for other in machines.machines:
-        away = length(minus(here, other.start.origin))
-        if other is machine or away > AROUND * unit:
-            continue
+    for other in machines.near(machine):
         surfaces = _body_surfaces(machines, other)
         segments = cut(surfaces, ground + SKIRT * unit)
         mass = sum(_mass(machines, body) for body in other.rest) if segments else 0.0
@@ -120,11 +115,9 @@ def overlaps_of(
         if not is_ground and all(low[k] < to[k] and at[k] < high[k] for k in range(3)):
             blocks.append(block_of(scene.prims[path], box, surface))
     yield from deep(blocks)
-    for other in machines.machines:
-        away = length(minus(machine.start.origin, other.start.origin))
-        if other is not machine and away < AROUND / scene.meters_per_unit:
-            parts = (prim for body in other.rest for prim in scene.below(body))
-            inside = list(deep(block_of(prim, box) for prim in parts if has_collision(prim)))
-            yield from inside
-            if inside:
-                return
+    for other in machines.near(machine):
+        parts = (prim for body in other.rest for prim in scene.below(body))
+        inside = list(deep(block_of(prim, box) for prim in parts if has_collision(prim)))
+        yield from inside
+        if inside:
+            return
