@@ -239,6 +239,13 @@ def test_a_path_that_is_taken_is_refused(tmp_path: Path) -> None:
     assert "/World/Bot" in refusal(bot(tmp_path), "clock", graph="/World/Bot")
 
 
+def test_a_graph_of_another_kind_is_never_replaced(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    written(path, "clock", graph="/World/Ros")
+    with pytest.raises(UsageError, match="/World/Ros is taken"):
+        add(path, "drive", replaces=True, graph="/World/Ros")
+
+
 def test_no_graph_goes_below_an_instance(tmp_path: Path) -> None:
     asset, path = tmp_path / "asset.usda", tmp_path / "scene.usda"
     part = Usd.Stage.CreateNew(str(asset))
@@ -264,6 +271,8 @@ def test_a_robot_in_a_missing_file_is_not_guessed(tmp_path: Path) -> None:
     prim.GetReferences().AddReference("./gone.usda")
     stage.Save()
     assert "gone.usda" in refusal(tmp_path / "scene.usda", "drive")
+    named = refusal(tmp_path / "scene.usda", "camera", prim="/World/Bot1/Camera")
+    assert named == "--prim /World/Bot1/Camera: ./gone.usda cannot be found, which could hold it"
 
 
 def test_the_namespace_of_the_robot_is_written_into_its_nodes(tmp_path: Path) -> None:
@@ -274,7 +283,10 @@ def test_the_namespace_of_the_robot_is_written_into_its_nodes(tmp_path: Path) ->
     stage.Save()
     del stage, prim
     extended = written(path, "drive")
-    assert value(extended, f"{DRIVE}/ros2_subscribe_twist.inputs:nodeNamespace") == "bot1"
+    twist = "ros2_subscribe_twist.inputs:nodeNamespace"
+    assert value(extended, f"{DRIVE}/{twist}") == "bot1"
+    within = written(path, "drive", graph="/World/Bot/Drive", replaces=True)
+    assert within.GetAttributeAtPath(f"/World/Bot/Drive/{twist}").Get() is None
 
 
 def test_the_domain_of_the_clock_is_taken(tmp_path: Path) -> None:
@@ -513,7 +525,7 @@ def test_the_variant_in_which_a_robot_lives_is_said(tmp_path: Path) -> None:
         robot.GetReferences().AddReference(str(rover), "/World/Rover")
     stage.Save()
     told = invoke("add", "drive", tmp_path / "chosen.usda").output
-    assert "robot=rover of /World/Chosen" in told
+    assert "  variant   robot=rover of /World/Chosen" in told
     assert "with another one selected" not in invoke("add", "drive", rover).output
 
 

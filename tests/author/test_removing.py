@@ -17,6 +17,7 @@ from lab3_usd.author.request import Options, Request
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.pipeline.any_stage import lint_platform
+from lab3_usd.pipeline.stage import JudgeSettings, lint_stage
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
 
@@ -161,6 +162,19 @@ def bad_checks(path: Path) -> list[str]:
     bad = [check for check in checks if check.verdict == "bad"]
     # Robots of two wheels whose castor has no collider tip over, whatever drives them.
     return [f"{check.name}: {check.text}" for check in bad if "tips over" not in check.cause]
+
+
+def test_what_the_linter_told_before_is_no_consequence_of_removing(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    laser = stage.GetPrimAtPath("/World/Rover/chassis/laser")
+    laser.CreateAttribute("omni:sensor:tickRate", Sdf.ValueTypeNames.Double).Set(0.0)
+    stage.Save()
+    del stage, laser
+    add(path, "clock")
+    found = lint_stage(path, JudgeSettings()).findings
+    assert found
+    assert remove_graph(path, Request("clock"), BASE).new == ()
 
 
 def test_the_help_of_removing_speaks_of_no_new_graph() -> None:

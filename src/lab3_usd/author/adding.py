@@ -310,7 +310,7 @@ def _path(editing: Editing, request: Request, recipe: Recipe, subject: str) -> s
 
 
 def _refuse_taken(path: str, alike: Likeness | None) -> None:
-    if alike is not None:
+    if alike is not None and alike.is_alike:
         differences = "; ".join(alike.differences)
         raise UsageError(f"{path} is there with other values: {differences}; --replace renews it")
     raise UsageError(
