@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import Any
 
 import pytest
 import quick_yaml
@@ -39,6 +40,52 @@ def found_in_both(stage: Usd.Stage, folder: Path) -> list[set[tuple[str, str, st
 @pytest.mark.parametrize("kind", KINDS)
 def test_a_right_robot_is_right_as_a_script(kind: str, tmp_path: Path) -> None:
     assert found_in_both(KINDS[kind](), tmp_path) == [set(), set()]
+
+
+READ, VOLTS = "/World/Drive/read", "/World/Drive/volts"
+READS_A_VARIABLE = [
+    {"node": [READ, "omni.graph.core.ReadVariable"]},
+    {"declare": [f"{READ}.inputs:variableName", "token", "size"]},
+    {"declare": [f"{READ}.outputs:value", "double"]},
+    {"connect": ["/World/Drive/drive.inputs:wheelRadius", f"{READ}.outputs:value"]},
+]
+SENDS_A_NUMBER = [
+    {"node": [VOLTS, "isaacsim.ros2.bridge.ROS2Publisher"]},
+    {"declare": [f"{VOLTS}.inputs:execIn", "uint"]},
+    {"connect": [f"{VOLTS}.inputs:execIn", "/World/Drive/tick.outputs:tick"]},
+    {"declare": [f"{VOLTS}.inputs:messagePackage", "string", "std_msgs"]},
+    {"declare": [f"{VOLTS}.inputs:messageName", "string", "Float64"]},
+    {"declare": [f"{VOLTS}.inputs:topicName", "string", "/volts"]},
+]
+
+
+@pytest.mark.parametrize(
+    ("steps", "expected"),
+    [
+        (
+            [*READS_A_VARIABLE, {"declare": ["/World/Drive.graph:variable:size", "double", 9.0]}],
+            ("K64", "/World/Drive/drive", "inputs:wheelRadius"),
+        ),
+        (
+            [*READS_A_VARIABLE, {"declare": ["/World/Drive.graph:variable:sise", "double", 0.1]}],
+            ("K99", READ, "inputs:variableName"),
+        ),
+        (
+            [
+                *SENDS_A_NUMBER,
+                {"declare": [f"{VOLTS}.inputs:dta", "double"]},
+                {"connect": [f"{VOLTS}.inputs:dta", "/World/Drive/tick.outputs:time"]},
+            ],
+            ("K21", VOLTS, "inputs:dta"),
+        ),
+    ],
+)
+def test_variables_and_fields_of_messages_count_in_scripts_too(
+    steps: list[dict[str, Any]], expected: tuple[str, str, str], tmp_path: Path
+) -> None:
+    in_stage, in_script = found_in_both(broken_robot("rover", steps), tmp_path)
+    assert in_script == in_stage
+    assert expected in in_stage
 
 
 @pytest.mark.parametrize("rule", sorted({*CASES} - {*UNLIKE}))

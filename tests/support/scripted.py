@@ -46,10 +46,15 @@ def _edit(graph: GraphModel) -> list[str]:
         for state in node.ports.values()
         if state.value is not None or state.targets
     ]
+    variables = [
+        f"({name!r}, {held.usd_type!r}{'' if held.value is None else f', {held.value!r}'})"
+        for name, held in graph.variables.items()
+    ]
     return [
         "og.Controller.edit(",
         f"    {{{', '.join(keys)}}},",
         "    {",
+        *_command("CREATE_VARIABLES", variables),
         *_command("CREATE_NODES", made),
         *_command("CREATE_ATTRIBUTES", created),
         *_command("CONNECT", [wire for node in graph.nodes for wire in _wires(node)]),

@@ -187,9 +187,12 @@ def clock_publisher(stamp: Stamp, subject: LintSubject) -> tuple[Edit, ...]:
         "domain_by_environment": None if domain.from_environment else False,
         "restart": stamp.restarts is not False,
     }
-    planned, shared = filled(recipe, path, values, subject.platform)
+    planned, shared = filled(recipe, _ANYWHERE, values, subject.platform)
     found = likeness(planned, own, subject.stage)
     return AddGraph.of(extension(planned, shared, found, subject.stage)).contents
+
+
+_ANYWHERE = "/Clock"  # the graph that is extended has a path of its own
 
 
 def _clock_recipe(subject: LintSubject) -> Recipe | None:

@@ -159,7 +159,7 @@ def graph_node(
         GraphError: the name, an input or a value is wrong; the text opens with the input.
     """
     checked_role(role)
-    kind = with_message(kind, values)
+    kind = with_message(kind, {INPUT + name: value for name, value in values.items()})
     checked = {INPUT + name: checked_value(input_of(kind, name), values[name]) for name in values}
     aims = {
         INPUT + name: checked_targets(input_of(kind, name), paths)
@@ -169,10 +169,10 @@ def graph_node(
 
 
 def with_message(kind: NodeType, values: Mapping[str, Any]) -> NodeType:
-    """Return a type with the ports of the message that its values name."""
+    """Return a type with the ports of the message that its values name, by full names of inputs."""
     if not kind.grows_by_message:
         return kind
-    parts = [values.get(name.removeprefix(INPUT), kind.default(name, None)) for name in NAMED]
+    parts = [values.get(name, kind.default(name, None)) for name in NAMED]
     return with_fields(kind, parts) if all(parts) else kind
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Mapping, Sequence
 from functools import cache
+from typing import Protocol
 
 import msgspec
 from msgspec.structs import replace
@@ -66,6 +67,31 @@ def why_no_service(package: str, folder: str, name: str) -> str:
     if is_message or re.fullmatch(_NAME, name) is None:
         return f"{name} is no name of a service"
     return ""
+
+
+class Written(Protocol):
+    """What is written of a port: its value, and the sources of its wires."""
+
+    @property
+    def value(self) -> object:
+        """The value, None where there is none."""
+
+    @property
+    def sources(self) -> Sequence[str]:
+        """The ports that are wired into it."""
+
+
+def with_named_message(kind: NodeType, written: Mapping[str, Written]) -> NodeType:
+    """Return a type with the ports of the message that a node names, unless a wire brings it.
+
+    `written` are the ports of the node by full name.
+    """
+    if not kind.grows_by_message:
+        return kind
+    states = {name: written[name] for name in NAMED if name in written}
+    given = {name: state.value for name, state in states.items() if state.value is not None}
+    parts = [given.get(name, kind.default(name, None)) for name in NAMED]
+    return kind if any(state.sources for state in states.values()) else with_fields(kind, parts)
 
 
 def with_fields(kind: NodeType, parts: Sequence[object]) -> NodeType:

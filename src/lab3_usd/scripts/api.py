@@ -30,6 +30,7 @@ from lab3_usd.scripts.values import (
     place,
     unknown,
 )
+from lab3_usd.scripts.world import BuiltVariable, World
 
 _CLASSES = ("Controller", "GraphController", "NodeController", "ObjectLookup", "DataView")
 _NEW_STAGES = (
@@ -97,19 +98,26 @@ def _call_controller(
         omnigraph.disconnect_all(act, given.get(0, "attribute_spec"), at)
         return None
     if name == "set":
-        spec = given.get(0, "attribute")
-        if isinstance(spec, Text):
-            spec = AttributeHandle(*_split(spec.text), at[0])
-        omnigraph.set_value(act, spec, given.get(1, "value"), at, later=True)
+        _set(act, given, at)
         return None
     if name == "create_attribute":
         return _create_attribute(act, given, at)
+    if name in _VARIABLES:
+        graph = path_of(given.get(0, "graph_id"), at)
+        return _call_variables(name, graph, given.given[1:], given.get(0, "variable_id"), run, at)
     if name == "delete_node":
         return _delete_nodes(given.get(0, "node_id"), run, at)
     if name in ("evaluate", "evaluate_sync"):
         _evaluate_graphs(given.get(0, "graph_id"), run, at)
         return None
     return _lookup(name, names, given, node)
+
+
+def _set(act: Edit, given: Arguments, at: At) -> None:
+    spec = given.get(0, "attribute")
+    if isinstance(spec, Text):
+        spec = AttributeHandle(*_split(spec.text), at[0])
+    omnigraph.set_value(act, spec, given.get(1, "value"), at, later=True)
 
 
 def _delete_nodes(value: Value, run: Run, at: At) -> None:
@@ -141,6 +149,41 @@ def _create_attribute(act: Edit, given: Arguments, at: At) -> Value:
         omnigraph.create_attribute(act, node, name.text)
         return AttributeHandle(node.path, name.text, at[0])
     return Unknown("create_attribute()", at[0])
+
+
+_VARIABLES = frozenset(
+    [
+        "create_variable",
+        "set_variable_default_value",
+        "find_variable",
+        "get_variables",
+        "remove_variable",
+    ]
+)
+
+
+def _call_variables(
+    name: str, graph: str, given: list[Value], variable: Value, run: Run, at: At
+) -> Value:
+    """Give a graph a variable of a name and a type, or look one up, which may set it."""
+    if name == "create_variable" and given:
+        made = BuiltVariable(given[1] if len(given) > 1 else None, None)
+        omnigraph.create_variable(run.world, graph, given[0], made, at)
+    elif name == "create_variable":
+        run.world.open_graph(graph, Unknown("create_variable()", at[0]))
+    else:
+        _forget_variables(variable, run.world, at)
+    return Unknown(f"{name}()", at[0])
+
+
+def _forget_variables(value: Value, world: World, at: At) -> None:
+    """Take the values of variables that a value names, or of all, for unknown."""
+    parts = value.items if isinstance(value, Items) else [value]
+    names = {part.text for part in parts if isinstance(part, Text)}
+    for graph in world.graphs.values():
+        for name, variable in graph.variables.items():
+            if not names or name in names:
+                variable.value = Unknown(name, at[0])
 
 
 def _evaluate_graphs(value: Value, run: Run, at: At) -> None:
@@ -191,9 +234,7 @@ def _attribute(
     return AttributeHandle(path, port, at[0]) if path and port else None
 
 
-def _call_handle(  # noqa: C901 - one line for each function
-    own: Value, name: str, given: Arguments, node: ast.Call, run: Run
-) -> Value:
+def _call_handle(own: Value, name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
     """Do what a function of a graph, a node, an attribute or a prim does."""
     at = place(node)
     first = given.given[0] if given.given else None
@@ -207,14 +248,7 @@ def _call_handle(  # noqa: C901 - one line for each function
     if isinstance(own, AttributeHandle):
         return _call_attribute(own, name, given, node, run)
     if isinstance(own, GraphHandle):
-        if name == "evaluate":
-            _evaluate_graphs(own, run, at)
-            return None
-        if name == "get_node" and first is not None:
-            return NodeHandle(path_of(first, at))
-        if name == "create_node" and first is not None:
-            return omnigraph.created_node(run, None, given, node)
-        return unknown(node)
+        return _call_graph(own, name, given, node, run)
     if name in (
         "get_attribute",
         "get_attribute_by_name",
@@ -232,6 +266,22 @@ def _call_handle(  # noqa: C901 - one line for each function
     if name == "create_attribute" and isinstance(first, Text):
         _create(own.path, first.text, run)
         return True
+    return unknown(node)
+
+
+def _call_graph(own: GraphHandle, name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
+    """Do what a function of a graph does."""
+    at = place(node)
+    first = given.given[0] if given.given else None
+    if name == "evaluate":
+        _evaluate_graphs(own, run, at)
+        return None
+    if name == "get_node" and first is not None:
+        return NodeHandle(path_of(first, at))
+    if name == "create_node" and first is not None:
+        return omnigraph.created_node(run, None, given, node)
+    if name in _VARIABLES:
+        return _call_variables(name, own.path, given.given, first, run, at)
     return unknown(node)
 
 

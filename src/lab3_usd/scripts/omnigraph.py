@@ -39,7 +39,7 @@ from lab3_usd.scripts.values import (
     truth,
     unknown,
 )
-from lab3_usd.scripts.world import BuiltGraph, BuiltNode, World
+from lab3_usd.scripts.world import BuiltGraph, BuiltNode, BuiltVariable, World
 
 PARAMETERS = (
     "graph_id", "edit_commands", "path_to_object_map", "update_usd", "undoable",
@@ -314,9 +314,21 @@ def _delete_node(act: Edit, item: Value) -> None:
 
 
 def _create_variable(act: Edit, item: Value) -> None:
-    if isinstance(item, Items) and item.items and isinstance(item.items[0], Text):
-        value = item.items[2] if len(item.items) > 2 else None  # noqa: PLR2004
-        act.world.graphs[act.graph].variables[item.items[0].text] = value
+    parts = _parts(item, act, 2)
+    if parts is not None:
+        value = parts[2] if len(parts) > 2 else None  # noqa: PLR2004
+        create_variable(
+            act.world, act.graph, parts[0], BuiltVariable(parts[1], value), _at(item, act)
+        )
+
+
+def create_variable(world: World, graph: str, name: Value, variable: BuiltVariable, at: At) -> None:
+    """Give a graph a variable; of one whose name is unknown the graph may have any."""
+    text = as_text(name, at)
+    if text.unknown is not None:
+        world.open_graph(graph, text.unknown)
+    elif graph in world.graphs:
+        world.graphs[graph].variables[text.text] = variable
 
 
 def _pass_over(act: Edit, item: Value) -> None:

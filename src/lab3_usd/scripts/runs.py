@@ -27,6 +27,7 @@ _SURE = frozenset(
         "edit",
         "create_graph",
         "create_node",
+        "create_variable",
         "set_target_prims",
         "set_targets",
         "SetTargets",

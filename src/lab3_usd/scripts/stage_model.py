@@ -9,6 +9,8 @@ from msgspec.structs import replace
 
 from lab3_usd.facts.endpoints import namespaces_above
 from lab3_usd.facts.likely_names import likely_name
+from lab3_usd.isaac.graph_form import VARIABLE
+from lab3_usd.isaac.messages import NAMED, with_named_message
 from lab3_usd.isaac.node_types import INPUT, NodeType, Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value as PlainValue
@@ -16,6 +18,7 @@ from lab3_usd.model.build import Build, Span
 from lab3_usd.model.prims import NameFilter, Prim, Prims, of_any_name
 from lab3_usd.model.stage import (
     GraphModel,
+    GraphVariable,
     Node,
     PortState,
     StageModel,
@@ -173,7 +176,21 @@ def _graph(
         _node(node, platform, missing, world, is_open=graph.rest is not None)
         for node in world.nodes_of(graph.path)
     )
-    return GraphModel(path=graph.path, active=True, attributes=attributes, nodes=nodes)
+    variables = dict(_variables(graph, platform))
+    for own, variable in variables.items():
+        if variable.value is not None:
+            attributes[VARIABLE + own] = variable.value
+    return GraphModel(graph.path, True, attributes, nodes, variables)  # noqa: FBT003 - is active
+
+
+def _variables(graph: BuiltGraph, platform: Platform) -> Iterator[tuple[str, GraphVariable]]:
+    """Yield the variables of a graph; one whose value is unknown has none."""
+    for name, built in graph.variables.items():
+        written = built.type.text if isinstance(built.type, Text) else ""
+        usd_type = platform.usd_types.get(written, written)
+        value = None if built.value is None else _plain_value(built.value, graph.at[0])
+        known = None if isinstance(value, Unknown) else value
+        yield name, GraphVariable(usd_type, None if known is None else _as_stored(known, usd_type))
 
 
 def _in_namespaces(graph: GraphModel, scene: StageModel) -> GraphModel:
@@ -199,6 +216,12 @@ def _changed_graph(
         for node in graph.nodes
         if node.path not in new and world.has_scene_node(node.path)
     )
+    if more is not None:
+        graph = replace(
+            graph,
+            variables={**graph.variables, **more.variables},
+            attributes={**more.attributes, **graph.attributes},
+        )
     return replace(graph, nodes=(*kept, *new.values()))
 
 
@@ -238,6 +261,10 @@ def _node(
     written = platform.building.compound if node.is_compound else _type_name(node, world)
     name = platform.type_name(written)
     kind = platform.types.get(name)
+    if kind is not None and kind.grows_by_message:
+        named = (full for full in NAMED if full in node.ports)
+        parts = {full: _state(full, node.ports[full], kind, node, missing, world) for full in named}
+        kind = with_named_message(kind, parts)
     made = {
         full: Port(full, "any", "token")
         for full, port in node.ports.items()

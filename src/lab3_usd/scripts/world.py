@@ -85,6 +85,13 @@ class BuiltNode:
         return self.ports.setdefault(name, BuiltPort())
 
 
+class BuiltVariable(Struct):
+    """A variable of a graph: what its type and its value at the start are, None for no value."""
+
+    type: Value
+    value: Value
+
+
 class BuiltGraph:
     """A graph: how it is evaluated, and what is unknown of what it holds.
 
@@ -114,7 +121,7 @@ class BuiltGraph:
         self.mode: str | Unknown | None = None
         self.rest: Unknown | None = None
         self.is_evaluated = False
-        self.variables: dict[str, Value] = {}
+        self.variables: dict[str, BuiltVariable] = {}
 
 
 class World:

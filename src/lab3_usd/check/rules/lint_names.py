@@ -54,7 +54,9 @@ def _variable(node: Node, port: str, subject: LintSubject) -> Iterator[Problem]:
     known = _variables(node.path, subject.stage)
     if not isinstance(name, str) or name in known:
         return
-    near = likely_name(name, known)
+    near, stage = likely_name(name, known), subject.stage
+    # Nothing of a scene makes variables in the graphs that a script makes.
+    missing = (stage.unknown_node if stage.build else stage.unknown)(node.path)
     what = f"is {display(name)}, which is no variable of its graph{did_you_mean(near)}"
     yield Problem(
         node.path,
@@ -62,8 +64,8 @@ def _variable(node: Node, port: str, subject: LintSubject) -> Iterator[Problem]:
         property=port,
         expected=near or ", ".join(known) or "a variable of the graph",
         actual=name,
-        severity="warning" if subject.stage.scripts or subject.stage.build else None,
-        rests_on=subject.stage.unknown_inputs(node) or subject.stage.unknown(node.path),
+        severity="warning" if stage.scripts else None,
+        rests_on=stage.unknown_inputs(node) or missing,
     )
 
 

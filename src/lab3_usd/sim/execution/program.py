@@ -12,7 +12,7 @@ from typing import Any
 from msgspec import Struct, field
 
 from lab3_usd.facts.likely_names import is_unregistered
-from lab3_usd.isaac.messages import NAMED, with_fields
+from lab3_usd.isaac.messages import with_named_message
 from lab3_usd.isaac.node_types import (
     INPUT,
     OUTPUT,
@@ -231,10 +231,7 @@ def type_of(node: SceneNode, platform: Platform) -> NodeType | None:
     known = platform.get(node.type)
     if known is None:
         return None
-    states = [(name, node.inputs.get(name) or _UNSAVED) for name in NAMED]
-    wired = any(state.sources for _, state in states)
-    parts = [known.default(name, None) if s.value is None else s.value for name, s in states]
-    return known if wired else with_fields(known, parts)
+    return with_named_message(known, node.inputs)
 
 
 def _running(

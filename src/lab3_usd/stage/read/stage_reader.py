@@ -12,7 +12,7 @@ from pxr import Usd
 
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.graph_form import VARIABLE
-from lab3_usd.isaac.messages import NAMED, with_fields
+from lab3_usd.isaac.messages import with_named_message
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
 from lab3_usd.isaac.platform import Platform
@@ -299,7 +299,7 @@ class _Scan:
             Node(
                 path=path,
                 type_name=type_name,
-                type=_with_fields(kind, ports),
+                type=None if kind is None else with_named_message(kind, ports),
                 version=version if isinstance(version, int) else None,
                 ports=ports,
                 place=self._place,
@@ -454,17 +454,6 @@ def read_ports(
 @lru_cache(maxsize=4096)
 def _output(name: str) -> PortState:
     return PortState(name)
-
-
-def _with_fields(kind: NodeType | None, ports: Mapping[str, PortState]) -> NodeType | None:
-    """Return a type with the ports of the message that a node names, unless a wire brings it."""
-    if kind is None or not kind.grows_by_message:
-        return kind
-    states = [ports.get(name) or PortState(name, "") for name in NAMED]
-    parts = [
-        kind.default(state.name, None) if state.value is None else state.value for state in states
-    ]
-    return kind if any(state.sources for state in states) else with_fields(kind, parts)
 
 
 def _input(name: str, authored: AuthoredProperty, kind: NodeType | None) -> PortState:

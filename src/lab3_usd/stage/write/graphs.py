@@ -8,7 +8,7 @@ from typing import Any
 from pxr import Gf, Sdf, Usd
 
 from lab3_usd.isaac.graph import with_message
-from lab3_usd.isaac.node_types import INPUT, Port
+from lab3_usd.isaac.node_types import Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import AddGraph, AddNode
@@ -89,10 +89,7 @@ def _prepend_apis(prim: Sdf.PrimSpec, apis: list[str]) -> None:
 def author_node(layer: Sdf.Layer, node: AddNode, platform: Platform) -> None:
     """Define a node with its ports, values and targets, below whatever stands at its graph."""
     values, targets = dict(node.values), dict(node.targets)
-    kind = with_message(
-        platform.types[node.type],
-        {name.removeprefix(INPUT): value for name, value in values.items()},
-    )
+    kind = with_message(platform.types[node.type], values)
     prim = _define_prim(layer, node.prim, platform.graph.node_type)
     _prepend_apis(prim, [platform.graph.gui_api])
     _declare(prim, "node:type", "token", platform.written_name(kind.type), custom=False)
