@@ -65,11 +65,7 @@ def _wheel_groups(task: Task) -> list[_Pair]:
     if not wheels:
         if task.options.indices is not None:
             return []
-        missing = task.stage.unknown_below(robot.path)
-        if missing is not None:
-            raise UsageError(
-                f"{missing.asset} cannot be found, which could hold wheels of {robot.path}"
-            )
+        _refuse_unknown_wheels(task, robot)
         raise UsageError(
             f"{robot.path} has no wheels: no unlimited revolute joint turns a link with a collider "
             "about a level axle; name the joints with --joints LEFT,RIGHT"
@@ -154,6 +150,19 @@ def _distance_hole(groups: Sequence[_Pair], robot: Robot, given: float | None) -
     )
 
 
+def _refuse_unknown_wheels(task: Task, robot: Robot) -> None:
+    """Refuse to count the wheels of a robot where an asset that is missing could hold some.
+
+    Raises:
+        UsageError: one could.
+    """
+    missing = task.stage.unknown_below(robot.path)
+    if missing is not None:
+        raise UsageError(
+            f"{missing.asset} cannot be found, which could hold wheels of {robot.path}"
+        )
+
+
 def steering(task: Task) -> Iterator[Hole]:
     """Yield the joints and sizes of a car."""
     robot = robot_of_task(task)
@@ -161,11 +170,7 @@ def steering(task: Task) -> Iterator[Hole]:
     fixed = [wheel for wheel in robot.wheels if wheel.steering is None]
     turning, rolling = wheel_pairs(steered), wheel_pairs(fixed)
     if len(turning) != 1 or len(rolling) != 1 or len(steered) + len(fixed) != 2 * _PAIR:
-        missing = task.stage.unknown_below(robot.path)
-        if missing is not None:
-            raise UsageError(
-                f"{missing.asset} cannot be found, which could hold wheels of {robot.path}"
-            )
+        _refuse_unknown_wheels(task, robot)
         raise UsageError(
             f"{robot.path} is no car: it has {len(steered)} steered and {len(fixed)} other wheels, "
             "expected two of each, left and right"
@@ -207,11 +212,7 @@ def rollers(task: Task) -> Iterator[Hole]:
     robot, mark = robot_of_task(task), task.recipe.joint_mark
     marked = [joint for joint in robot.joints if mark in joint.prim.attributes]
     if not marked:
-        missing = task.stage.unknown_below(robot.path)
-        if missing is not None:
-            raise UsageError(
-                f"{missing.asset} cannot be found, which could hold wheels of {robot.path}"
-            )
+        _refuse_unknown_wheels(task, robot)
         raise UsageError(
             f"{robot.path} has no wheels with rollers: no joint has {mark}; apply the Mecanum "
             "Wheel API to the joints of its wheels"

@@ -23,6 +23,7 @@ from lab3_usd.check.rules.sensors import (
     left_behind_sensors,
     misplaced_sensors,
     misposed_sensors,
+    missing_schemas,
     missing_sensors,
     present_sensors,
     sensor_demands,
@@ -38,7 +39,7 @@ from lab3_usd.facts.sensor_values import (
     values_of,
 )
 from lab3_usd.isaac.releases import order
-from lab3_usd.model.changes import ApplySchema, RemovePrim, Restore
+from lab3_usd.model.changes import RemovePrim, Restore
 from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.physics import numbers
 from lab3_usd.model.prims import upwards
@@ -157,18 +158,9 @@ def lidar_schema(subject: StageSubject) -> Iterator[Problem]:
     Example: a prim typed by hand, `def OmniLidar "{lidar_name}"`, without a reference.
     """
     for sensor in present_sensors(subject, LIDAR):
-        prim, wanted = sensor.prim, sensor.spec.required_api
-        if wanted and wanted not in prim.apis:
-            yield Problem(
-                prim.path,
-                f"lidar lacks {wanted}",
-                expected=wanted,
-                handout=sensor.spec.handout,
-                related=sensor.place.related,
-                fix=(ApplySchema(prim.path, wanted),),
-                unmet=(f"{sensor.group}/schema",),
-                rests_on=subject.stage.unknown(prim.path),
-            )
+        wanted = sensor.spec.required_api
+        if wanted:
+            yield from missing_schemas(subject, sensor, {wanted: f"{sensor.group}/schema"})
 
 
 def _no_second(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:

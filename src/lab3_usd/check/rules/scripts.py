@@ -104,15 +104,18 @@ def unknown_node(subject: LintSubject) -> Iterator[Problem]:
                 fault.prim, message, expected=fault.prim, actual=fault.name, span=fault.at
             )
             continue
-        yield Problem(
-            fault.prim,
-            f"'{fault.name}' names no node of {fault.prim}: the script stops here"
-            f"{did_you_mean(fault.meant)}",
-            expected=fault.meant or None,
-            actual=fault.name,
-            span=fault.at,
-            identity=fault.name,
-        )
+        yield _unknown_name(fault, f"names no node of {fault.prim}")
+
+
+def _unknown_name(fault: BuildFault, problem: str) -> Problem:
+    return Problem(
+        fault.prim,
+        f"'{fault.name}' {problem}: the script stops here{did_you_mean(fault.meant)}",
+        expected=fault.meant or None,
+        actual=fault.name,
+        span=fault.at,
+        identity=fault.name,
+    )
 
 
 @rule("B03", "unknown-command", scope="script")
@@ -136,15 +139,7 @@ def unknown_command(subject: LintSubject) -> Iterator[Problem]:
                 span=fault.at,
             )
             continue
-        yield Problem(
-            fault.prim,
-            f"'{fault.name}' is no command of an edit: the script stops here"
-            f"{did_you_mean(fault.meant)}",
-            expected=fault.meant or None,
-            actual=fault.name,
-            span=fault.at,
-            identity=fault.name,
-        )
+        yield _unknown_name(fault, "is no command of an edit")
 
 
 @rule("B04", "node-made-twice", scope="script")

@@ -40,11 +40,7 @@ from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSche
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import (
-    absence_reason,
-    once_per_stage,
-    same_value,
-)
+from lab3_usd.model.stage import absence_reason, once_per_stage, same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PoseSpec, SensorAttribute, SensorSpec
 
@@ -311,6 +307,25 @@ def wrong_attributes(
         )
 
 
+def missing_schemas(
+    subject: StageSubject, sensor: PresentSensor, wanted: Mapping[str, str]
+) -> Iterator[Problem]:
+    """Yield each schema that a sensor lacks; `wanted` maps them to their requirements."""
+    prim = sensor.prim
+    for schema, demand in wanted.items():
+        if schema not in prim.apis:
+            yield Problem(
+                prim.path,
+                f"{prim.name} lacks {schema}",
+                expected=schema,
+                handout=sensor.spec.handout,
+                related=sensor.place.related,
+                fix=(ApplySchema(prim.path, schema),),
+                unmet=(demand,),
+                rests_on=subject.stage.unknown(prim.path),
+            )
+
+
 @rule("D01", "missing-sensor", scope="stage", demands=sensor_demands(OTHER, sensor_prim))
 def missing_sensor(subject: StageSubject) -> Iterator[Problem]:
     """The robot lacks an active sensor.
@@ -402,19 +417,8 @@ def sensor_schema(subject: StageSubject) -> Iterator[Problem]:
     Example: a prim typed by hand instead of created by the menu.
     """
     for sensor in present_sensors(subject, OTHER):
-        prim = sensor.prim
-        for wanted in sensor.spec.required_apis:
-            if wanted not in prim.apis:
-                yield Problem(
-                    prim.path,
-                    f"{prim.name} lacks {wanted}",
-                    expected=wanted,
-                    handout=sensor.spec.handout,
-                    related=sensor.place.related,
-                    fix=(ApplySchema(prim.path, wanted),),
-                    unmet=(f"{sensor.group}/{wanted}",),
-                    rests_on=subject.stage.unknown(prim.path),
-                )
+        wanted = {api: f"{sensor.group}/{api}" for api in sensor.spec.required_apis}
+        yield from missing_schemas(subject, sensor, wanted)
 
 
 @rule("L08", "early-lidar", scope="stage", severity="warning")

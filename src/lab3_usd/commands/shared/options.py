@@ -122,6 +122,11 @@ from_option: Option = click.option(
 )
 
 
+def file_option(*names: str, text: str) -> Option:
+    """Return an option that names a file to read."""
+    return click.option(*names, type=Input(path_type=Path), metavar="FILE", help=text)
+
+
 class RuleOptions(Struct, frozen=True):
     """The rules and families that are asked for, as they were given."""
 
@@ -179,12 +184,7 @@ report_options = all_of(
         help="Exit 1 from this severity on.",
     ),
     click.option("--exit-zero", is_flag=True, help="Exit 0 regardless of findings."),
-    click.option(
-        "--baseline",
-        type=Input(path_type=Path),
-        metavar="FILE",
-        help="Hide the findings in this file.",
-    ),
+    file_option("--baseline", text="Hide the findings in this file."),
     click.option(
         "--write-baseline",
         type=OutputBaseline(path_type=Path),

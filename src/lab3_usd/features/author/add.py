@@ -15,6 +15,7 @@ from msgspec import Struct
 
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
+    file_option,
     recorded,
     width,
 )
@@ -77,11 +78,10 @@ class AddingOptions(Struct, frozen=True):
 
 @click.command("add")
 @click.argument("words", nargs=-1, required=True, metavar="KIND STAGE", type=Input())
-@click.option(
+@file_option(
     "--file",
     "requests",
-    type=Input(path_type=Path),
-    help="Add what this YAML file lists instead of KIND; replace what differs.",
+    text="Add what this YAML file lists instead of KIND; replace what differs.",
 )
 @request_options
 @click.option("--replace", is_flag=True, help="Make a graph new that has other values.")

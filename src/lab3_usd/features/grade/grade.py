@@ -17,6 +17,7 @@ from lab3_usd.commands.shared.configuration import asset_places
 from lab3_usd.commands.shared.options import (
     assets_option,
     echo_folded,
+    file_option,
     given_words,
     lab_words,
     recorded,
@@ -86,11 +87,9 @@ def _refuse_empty(
 
 @click.command("grade")
 @click.argument("submissions", callback=_refuse_empty, required=False, type=Input(readable=False))
-@click.option(
+@file_option(
     "--starter",
-    type=Input(path_type=Path),
-    metavar="FILE",
-    help="The supplied starter: stages are compared with it, and may refer to its files.",
+    text="The supplied starter: stages are compared with it, and may refer to its files.",
 )
 @click.option(
     "--output",
@@ -106,11 +105,9 @@ def _refuse_empty(
     type=click.Choice(["gradescope"]),
     help="Grade one submission, and write its result instead of a gradebook.",
 )
-@click.option(
+@file_option(
     "--rubric",
-    type=Input(path_type=Path),
-    metavar="FILE",
-    help="Rubric with the points; by default the gradebook's, else the handout's check-off list.",
+    text="Rubric with the points; by default the gradebook's, else the handout's check-off list.",
 )
 @click.option(
     "--jobs",
@@ -143,11 +140,9 @@ def _refuse_empty(
     metavar="FOLDER",
     help="Count the points of this gradebook again by --rubric, without submissions.",
 )
-@click.option(
+@file_option(
     "--adjust",
-    type=Input(path_type=Path),
-    metavar="FILE",
-    help="Table of student, item, points and text: what you decide by hand.",
+    text="Table of student, item, points and text: what you decide by hand.",
 )
 @export_options
 @click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tls://host:port.")

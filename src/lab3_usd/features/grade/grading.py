@@ -9,8 +9,7 @@ from typing import Any
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.shared.options import all_of, recorded
-from lab3_usd.commands.shared.paths import Input
+from lab3_usd.commands.shared.options import all_of, file_option, recorded
 
 
 class Seconds(click.FloatRange):
@@ -75,20 +74,16 @@ export_options = all_of(
         metavar="PLATFORM",
         help="Fill the points into the export of canvas, moodle, brightspace or blackboard.",
     ),
-    click.option(
+    file_option(
         "--roster",
-        type=Input(path_type=Path),
-        metavar="FILE",
-        help="The platform's own export of its gradebook, for --gradebook.",
+        text="The platform's own export of its gradebook, for --gradebook.",
     ),
     click.option("--column", default="", metavar="NAME", help="Its column for the points."),
     click.option("--scale", is_flag=True, help="Convert the points to the maximum of the column."),
-    click.option(
+    file_option(
         "--map",
         "given",
-        type=Input(path_type=Path),
-        metavar="FILE",
-        help="Table of submission and id, or classroom_roster.csv, for --gradebook.",
+        text="Table of submission and id, or classroom_roster.csv, for --gradebook.",
     ),
     click.option(
         "--feedback",
