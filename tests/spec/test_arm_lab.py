@@ -374,9 +374,8 @@ def test_a_bag_of_a_checkpoint_says_that_joints_are_commanded_in_another_play(
     described: tuple[list[Path], Path], lab: Lab, tmp_path: Path
 ) -> None:
     run = dry_run(described[0][-1], lab, "5", "0,0,0.5")
-    assert run.trial is not None
     topic = run.behaviour.robots[0].topic
-    *_, last = record_run(run, run.trial, lab, tmp_path / "bag", None)
+    *_, last = record_run(run, lab, tmp_path / "bag")
     assert last == f"  commands on {topic} come in another play: not recorded"
 
 
@@ -387,8 +386,7 @@ def test_a_recording_at_a_checkpoint_shows_whether_joints_follow(
         said.position = 0.0 * said.position
 
     run = dry_run(described[0][-1], lab, "")
-    assert run.trial is not None
-    [*record_run(run, run.trial, lab, tmp_path / "bag", None)]
+    [*record_run(run, lab, tmp_path / "bag")]
     changed = rewritten(tmp_path / "bag", tmp_path / "stuck", on(STATES, stuck))
     verdicts = [
         {check.name: check.verdict for check in found.behaviour.checks}["joints"]

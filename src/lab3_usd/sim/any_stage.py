@@ -204,15 +204,10 @@ def commanded_joints(
     Return the robot that listens to them, if any, and what its joints show.
     """
     topic, domain = wanted.joint_commands, wanted.domain
-    robot = next(
-        (
-            robot
-            for robot in listening_robots(scene, platform)
-            if robot.kind == JOINTS
-            and (robot.commands.topic, robot.commands.domain) == (topic, domain)
-        ),
-        None,
-    )
+    listening = [each for each in listening_robots(scene, platform) if each.kind == JOINTS]
+    at = (topic, domain)
+    told = (each for each in listening if (each.commands.topic, each.commands.domain) == at)
+    robot = next(told, None)
     seen = replace(expected_of(robot), commands=topic, domain=domain)
     play = record(scene, platform, drive_for(robot, scene.meters_per_unit), seen)
     if robot is None:
@@ -222,10 +217,7 @@ def commanded_joints(
         if cause is not None:
             fault = RunFault(text, cause.kind or fault.kind, cause.prim, cause.reason)
         return None, (verdict("joints", [fault], play),)
-    if robot.machine is None:
-        return robot, (replace(unmoved(robot, play), name="joints"),)
-    checks = arm_checks(play, scene, robot.machine, robot.controller)
-    return robot, tuple(checks)
+    return robot, tuple(_checks_of(robot, listening, play, scene))
 
 
 def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:

@@ -252,4 +252,5 @@ def unmoved(robot: Robot, trial: Trial) -> Check:
     """Return the failed check of a robot whose commands reach no joints."""
     text = f"commands on {robot.commands.topic} move nothing"
     reason = "there is no articulation at its target"
-    return verdict("follows", [RunFault(text, "no-articulation", robot.controller, reason)], trial)
+    name = "joints" if robot.kind == JOINTS else "follows"
+    return verdict(name, [RunFault(text, "no-articulation", robot.controller, reason)], trial)

@@ -95,8 +95,7 @@ def _by_itself(played: Played) -> DryRun:
             for robot in played.robots
         ),
     )
-    plays = {each.name: each.trial for each in played.plays}
-    return DryRun(behaviour, plays, robots=played.robots)
+    return DryRun(behaviour, {each.name: each.trial for each in played.plays})
 
 
 def _at_checkpoint(

@@ -28,7 +28,6 @@ from lab3_usd.sim.judge.expectations import Stretch, Trial, displacement
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.replay import replay
-from lab3_usd.sim.robots import Robot
 
 EVERY = 6  # frames of the path, for each kept one
 
@@ -44,19 +43,12 @@ class Judged(Struct, frozen=True):
 class DryRun(Struct, frozen=True):
     """The results of a dry run, its scene, and its plays by the robot that is driven.
 
-    The only play has no name; an unreadable stage has none. `robots` are those of a stage without a
-    checkpoint.
+    The only play has no name; an unreadable stage has none.
     """
 
     behaviour: Behaviour
     plays: Mapping[str, Trial] = {}
     scene: Scene | None = None
-    robots: tuple[Robot, ...] = ()
-
-    @property
-    def trial(self) -> Trial | None:
-        """The first play."""
-        return next(iter(self.plays.values()), None)
 
     @property
     def replays(self) -> dict[str, Replay]:

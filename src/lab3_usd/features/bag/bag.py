@@ -8,23 +8,21 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import color_option, complete_checkpoints, text_or_json
-from lab3_usd.commands.shared.paths import Input, MapInput, OutputReport, RecordingInput
+from lab3_usd.commands.shared.options import color_option, text_or_json
+from lab3_usd.commands.shared.paths import Input, MapInput, RecordingInput
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
+from lab3_usd.features.sim.behaviour import (
+    checkpoint_option,
+    page_option,
+    write_behaviour,
+)
 from lab3_usd.installation import install_command
-
-EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 
 
 @click.command("bag")
 @click.argument("recording", type=RecordingInput(path_type=Path))
-@click.option(
-    "--checkpoint",
-    metavar="NN",
-    shell_complete=complete_checkpoints,
-    help="Judge at this checkpoint.",
-)
+@checkpoint_option
 @click.option(
     "--stage",
     type=Input(path_type=Path),
@@ -37,7 +35,7 @@ EXITS = {"ok": 0, "bad": 1, "not judged": 1, "unreadable": 2}
 )
 @text_or_json
 @color_option
-@click.option("--page", type=OutputReport(path_type=Path), help="Write an HTML page to this file.")
+@page_option
 def command(
     recording: Path,
     checkpoint: str | None,
@@ -56,9 +54,8 @@ def command(
     failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
-    from lab3_usd.commands.shared.options import checkpoint_number, wants_color, width
+    from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.pipeline.stage import checkpoint_of
-    from lab3_usd.report.behaviour import text
     from lab3_usd.spec.load.loader import load_lab
 
     if find_spec("rosbags") is None:
@@ -87,22 +84,9 @@ def command(
     else:
         commanded = {robot.topic for robot in dry.robots} if dry is not None else ()
         run = judge_any_recording(recording, lab.platform, commanded)
-    behaviour = run.behaviour
-    if dry is not None and behaviour.verdict != "unreadable":
+    if dry is not None and run.behaviour.verdict != "unreadable":
         from msgspec.structs import replace
 
-        behaviour = replace(behaviour, differences=differences(behaviour, dry))
-    if page is not None:
-        from lab3_usd.files import write_whole
-        from lab3_usd.report.behaviour.page import render
-
-        html = render(behaviour, run.replays, lab)
-        write_whole(page, html.encode("utf-8", "replace"), force=True)
-    if behaviour.verdict == "unreadable" and form != "json":
-        reasons = (f"{recording}: {part.reason}" for part in behaviour.not_simulated)
-        raise UsageError("; ".join(reasons))
-    if form == "json":
-        click.echo(text.render_json(behaviour), nl=False)
-    else:
-        click.echo(text.render(behaviour, width(), color=wants_color()), nl=False, color=True)
-    sys.exit(EXITS[behaviour.verdict])
+        behaviour = replace(run.behaviour, differences=differences(run.behaviour, dry))
+        run = replace(run, behaviour=behaviour)
+    sys.exit(write_behaviour(run, lab, form, page))

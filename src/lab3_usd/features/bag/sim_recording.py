@@ -8,15 +8,13 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from msgspec import Struct
 
 from lab3_usd.commands.shared.paths import OutputFolder
 from lab3_usd.errors import UsageError
+from lab3_usd.features.sim.additions import SimAddition, SimOptions
 from lab3_usd.installation import install_command
 
 if TYPE_CHECKING:
-    from lab3_usd.features.sim.additions import SimOptions
-    from lab3_usd.sim.judge.expectations import Trial
     from lab3_usd.sim.outcome import DryRun
     from lab3_usd.spec.lab import Lab
 
@@ -25,7 +23,7 @@ OPTIONS = click.option(
 )
 
 
-class Added(Struct, frozen=True):
+class Added(SimAddition, frozen=True):
     """The new folder of the bag, if a run is recorded."""
 
     bag: Path | None
@@ -41,27 +39,22 @@ class Added(Struct, frozen=True):
         if self.bag is not None and find_spec("rosbags") is None:
             raise UsageError(f"--bag needs the extra sim: {install_command('sim')}")
 
-    def plays_instead(self, _stage: Path, _lab: Lab, _checkpoint: str, _topic: str) -> bool:
-        """Judge as ever."""
-        return False
-
-    def lines_after(self, run: DryRun, lab: Lab, drive: str | None) -> Iterator[str]:
+    def lines_after(self, run: DryRun, lab: Lab) -> Iterator[str]:
         """Record the run, and yield what the bags hold."""
-        if self.bag is not None and run.trial is not None:
-            yield from record_run(run, run.trial, lab, self.bag, drive)
+        if self.bag is not None and run.plays:
+            yield from record_run(run, lab, self.bag)
 
 
-def record_run(run: DryRun, trial: Trial, lab: Lab, bag: Path, drive: str | None) -> Iterator[str]:
+def record_run(run: DryRun, lab: Lab, bag: Path) -> Iterator[str]:
     """Write a run as a bag for each domain, and yield what each holds, and what it cannot hold."""
     from lab3_usd.report.safe_text import printable
-    from lab3_usd.sim.bag.tape import tape_of, tape_of_plays, tape_of_robots
+    from lab3_usd.sim.bag.tape import tape_of, tape_of_plays
     from lab3_usd.sim.bag.writer import write_bags
 
-    tape = tape_of(trial)
-    if run.scene is not None and len(run.robots) > 1:
-        tape = tape_of_robots(run.scene, lab.platform, run.robots, drive)
-    elif run.scene is not None and len(run.plays) > 1:
-        tape = tape_of_plays(run.scene, lab.platform, [*run.plays.values()])
+    first, *others = run.plays.values()
+    tape = tape_of(first)
+    if run.scene is not None and others:
+        tape = tape_of_plays(run.scene, lab.platform, [first, *others])
     for written in write_bags(bag, tape):
         holds = f"{written.messages} messages on {written.topics} topics"
         yield printable(f"recorded: {written.folder}: {holds}")

@@ -11,16 +11,14 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from msgspec import Struct
 
 from lab3_usd.commands.shared.options import all_of
 from lab3_usd.errors import UsageError
+from lab3_usd.features.sim.additions import SimAddition, SimOptions
 from lab3_usd.installation import install_command
 
 if TYPE_CHECKING:
     from lab3_usd.features.live.dds import Lived
-    from lab3_usd.features.sim.additions import SimOptions
-    from lab3_usd.sim.outcome import DryRun
     from lab3_usd.spec.lab import Lab
 
 LONGEST = 86400.0  # seconds
@@ -37,7 +35,7 @@ OPTIONS = all_of(
 )
 
 
-class Added(Struct, frozen=True):
+class Added(SimAddition, frozen=True):
     """Whether a stage is played live, and for how many simulated seconds; None until Ctrl-C."""
 
     live: bool
@@ -72,10 +70,6 @@ class Added(Struct, frozen=True):
         if self.live:
             play(stage, lab, checkpoint, topic, self.seconds)
         return self.live
-
-    def lines_after(self, _run: DryRun, _lab: Lab, _drive: str | None) -> Iterator[str]:
-        """Yield nothing: what was judged was not played live."""
-        return iter(())
 
 
 def play(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | None) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Protocol
+from typing import TYPE_CHECKING, Any
 
 from msgspec import Struct
 
@@ -32,8 +32,8 @@ class SimOptions(Struct, frozen=True):
     page: Path | None
 
 
-class SimAddition(Protocol):
-    """The record of the options that one feature adds."""
+class SimAddition(Struct, frozen=True):
+    """The record of the options that one feature adds, and what these do: nothing by themselves."""
 
     def refuse(self, asked: SimOptions) -> None:
         """Refuse what does not go together, before anything is played.
@@ -42,14 +42,16 @@ class SimAddition(Protocol):
             UsageError: options do not go together, or an extra is not installed.
         """
 
-    def plays_instead(self, stage: Path, lab: Lab, checkpoint: str, topic: str) -> bool:
+    def plays_instead(self, _stage: Path, _lab: Lab, _checkpoint: str, _topic: str) -> bool:
         """Play the stage in place of judging it; whether it does."""
+        return False
 
-    def lines_after(self, run: DryRun, lab: Lab, drive: str | None) -> Iterator[str]:
+    def lines_after(self, _run: DryRun, _lab: Lab) -> Iterator[str]:
         """Make something of a run that was judged, and yield lines about it."""
+        return iter(())
 
 
-def _additions_to_sim() -> Option:
+def additions_to_sim() -> Option:
     """Hand the options that features add to `lab3 sim` over as one record of each."""
     modules = added_to("sim")
     fields = {module.Added: module.Added.__struct_fields__ for module in modules}
@@ -61,6 +63,3 @@ def _additions_to_sim() -> Option:
 
     names = [name for own in fields.values() for name in own]
     return all_of(*(module.OPTIONS for module in modules), made_of("added", names, added))
-
-
-additions_to_sim = _additions_to_sim()

@@ -12,14 +12,18 @@ from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
     assets_option,
     color_option,
-    complete_checkpoints,
     isaac_option,
     recorded,
     text_or_json,
 )
-from lab3_usd.commands.shared.paths import Input, MapInput, OutputReport
-from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
+from lab3_usd.commands.shared.paths import Input, MapInput
+from lab3_usd.errors import UsageError
 from lab3_usd.features.sim.additions import SimAddition, SimOptions, additions_to_sim
+from lab3_usd.features.sim.behaviour import (
+    checkpoint_option,
+    page_option,
+    write_behaviour,
+)
 
 if TYPE_CHECKING:
     from lab3_usd.model.finding import Finding
@@ -28,12 +32,7 @@ if TYPE_CHECKING:
 
 @click.command("sim")
 @click.argument("stage", type=Input(path_type=Path))
-@click.option(
-    "--checkpoint",
-    metavar="NN",
-    shell_complete=complete_checkpoints,
-    help="Judge at this checkpoint.",
-)
+@checkpoint_option
 @click.option(
     "--drive",
     type=Input(),
@@ -50,9 +49,9 @@ if TYPE_CHECKING:
 @color_option
 @isaac_option
 @assets_option
-@click.option("--page", type=OutputReport(path_type=Path), help="Write an HTML page to this file.")
+@page_option
 @recorded("asked", SimOptions)
-@additions_to_sim
+@additions_to_sim()
 def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> None:
     """Play a stage without Isaac Sim, drive its robot, and judge the messages of ROS.
 
@@ -96,32 +95,15 @@ def _judge(
     added: tuple[SimAddition, ...],
 ) -> int:
     """Play a stage, write what was asked for, and return the exit code."""
-    from lab3_usd.commands.shared.options import wants_color, width
-    from lab3_usd.report.behaviour import text
     from lab3_usd.sim.dry_run import dry_run
 
     run = dry_run(stage, lab, checkpoint, asked.drive, asked.topic or "", asked.maps)
-    behaviour = run.behaviour
-    findings = _findings(stage, lab, checkpoint) if behaviour.checks else ()
-    if asked.page is not None:
-        from lab3_usd.files import write_whole
-        from lab3_usd.report.behaviour.page import render
-
-        html = render(behaviour, run.replays, lab, findings)
-        write_whole(asked.page, html.encode("utf-8", "replace"), force=True)
-    is_json = asked.form == "json"
-    if behaviour.verdict == "unreadable" and not is_json:
-        raise UsageError("; ".join(f"{stage}: {part.reason}" for part in behaviour.not_simulated))
-    if is_json:
-        click.echo(text.render_json(behaviour, findings), nl=False)
-    else:
-        shown = text.render(behaviour, width(), findings, color=wants_color())
-        click.echo(shown, nl=False, color=True)
+    findings = _findings(stage, lab, checkpoint) if run.behaviour.checks else ()
+    status = write_behaviour(run, lab, asked.form, asked.page, findings)
     for addition in added:
-        for line in addition.lines_after(run, lab, asked.drive):
-            click.echo(line, err=is_json)
-    exits = {"bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
-    return 0 if behaviour.is_early else exits.get(behaviour.verdict, 0)
+        for line in addition.lines_after(run, lab):
+            click.echo(line, err=asked.form == "json")
+    return status
 
 
 def _findings(stage: Path, lab: Lab, checkpoint: str) -> tuple[Finding, ...]:

@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from typing import NamedTuple
 
 from msgspec import Struct
 
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames, drive_of
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.judge.expectations import Expected, Trial
-from lab3_usd.sim.robots import NO_LIMITS, TWIST, Robot, drive_for, expected_of
+from lab3_usd.sim.judge.expectations import Trial
 from lab3_usd.sim.timeline import content_of, player_of
 
 
@@ -48,42 +47,16 @@ def tape_of(trial: Trial) -> Tape:
     return Tape(tuple(messages), tuple(commands), wanted.domain)
 
 
-def tape_of_robots(
-    scene: Scene, platform: Platform, robots: Sequence[Robot], drive: str | None
-) -> Tape:
-    """Play a stage with the commands of all its robots at once; `drive` is that of `lab3 sim`.
+def tape_of_plays(scene: Scene, platform: Platform, plays: Sequence[Trial]) -> Tape:
+    """Play a stage with the commands of several plays at once, those of each of its robots.
 
-    Raises:
-        UsageError: the drive is none.
+    What one robot hears on a topic, another does as well.
     """
     sessions: dict[tuple[int, str], Session] = {}
-    for robot in robots:
-        legs = drive_for(robot, scene.meters_per_unit)
-        if drive is not None and robot.kind == TWIST:
-            legs = drive_of(drive, NO_LIMITS)
-        # What one robot hears on a topic, another does as well.
-        sessions.setdefault((robot.commands.domain, robot.commands.topic), legs[0])
-    return _tape(scene, platform, expected_of(robots[0]), sessions)
-
-
-def tape_of_plays(scene: Scene, platform: Platform, plays: Sequence[Trial]) -> Tape:
-    """Play a stage with the commands of several plays at once, those of each robot of a lab."""
-    sessions = {
-        (play.wanted.domain, play.wanted.commands): play.drive[0]
-        for play in plays
-        if play.wanted.commands
-    }
-    return _tape(scene, platform, plays[0].wanted, sessions)
-
-
-def _tape(
-    scene: Scene,
-    platform: Platform,
-    wanted: Expected,
-    sessions: Mapping[tuple[int, str], Session],
-) -> Tape:
-    """Play a stage with commands by domain and topic."""
-    player = player_of(scene, platform, wanted)
+    for wanted, session in ((play.wanted, play.drive[0]) for play in plays):
+        if wanted.commands:
+            sessions.setdefault((wanted.domain, wanted.commands), session)
+    player = player_of(scene, platform, plays[0].wanted)
     network = player.world.network
     network.inbox = {}
     told: dict[int, list[tuple[tuple[int, str], Leg]]] = {}
