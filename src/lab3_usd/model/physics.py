@@ -54,6 +54,13 @@ def is_excluded(joint: Prim) -> bool:
     return joint.attributes.get(EXCLUDED) is True
 
 
+def still_by(body: Mapping[str, Any]) -> str:
+    """Return the switch of a body with these values by which nothing moves it, '' for none."""
+    if body.get(BODY_ENABLED) is False:
+        return BODY_ENABLED
+    return KINEMATIC if body.get(KINEMATIC) is True else ""
+
+
 def is_body(prim: Prim) -> bool:
     """Whether the prim is a rigid body, switched on or not; one without a place is none."""
     return BODY_API in prim.apis and not prim.placeless

@@ -6,6 +6,8 @@ Matrices are 16 numbers in rows as USD multiplies: row vectors from the left, tr
 from __future__ import annotations
 
 import math
+from collections.abc import Iterator, Sequence
+from typing import Literal
 
 from msgspec import Struct
 
@@ -25,6 +27,41 @@ class Pose(Struct, frozen=True):
     translation: Vector
     rotation: Rotation
     scale: Vector
+
+
+Part = Literal["translate", "rotate", "scale"]
+
+
+class PlaceTolerance(Struct, frozen=True):
+    """What counts as the same pose: a length, degrees, and relative factors."""
+
+    position: float
+    angle: float
+    scale: float
+
+
+def parts_apart(pose: Pose, expected: Pose, tolerance: PlaceTolerance) -> Iterator[Part]:
+    """Yield the parts by which two poses differ; a mirrored one is scaled otherwise.
+
+    A number that is none (NaN) is near nothing, which is why each test is the other way round.
+    """
+    if not distance(pose.translation, expected.translation) <= tolerance.position:
+        yield "translate"
+    if not rotation_difference(pose.rotation, expected.rotation) <= tolerance.angle:
+        yield "rotate"
+    if not is_scaled_alike(pose.scale, expected.scale, tolerance.scale):
+        yield "scale"
+
+
+def is_scaled_alike(scale: Vector, expected: Vector, limit: float) -> bool:
+    """Whether two scales are the same up to a relative limit."""
+    pairs = zip(scale, expected, strict=True)
+    return all(abs(one - other) <= limit * max(abs(one), abs(other)) for one, other in pairs)
+
+
+def vector_text(numbers: Sequence[float]) -> str:
+    """Write a vector as the Property panel shows it, without float noise."""
+    return "(" + ", ".join(f"{round(number, 6) + 0.0:g}" for number in numbers) + ")"
 
 
 def decompose(matrix: Matrix) -> Pose:

@@ -15,9 +15,7 @@ from lab3_usd.model.physics import (
     ARTICULATION_API,
     AXIS,
     BODY_API,
-    BODY_ENABLED,
     FIXED,
-    KINEMATIC,
     LIMITS,
     MASS,
     MASS_API,
@@ -29,9 +27,9 @@ from lab3_usd.model.physics import (
     bodies_below,
     is_articulated,
     is_joint,
-    is_switched_off,
     joints,
     number,
+    still_by,
 )
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel
@@ -190,7 +188,7 @@ def _links(stage: StageModel, root: str) -> Iterator[Prim]:
     """Yield the bodies below the root that move and are tied to the robot."""
     for path in bodies_below(stage, root):
         prim = stage.prims[path]
-        is_still = is_switched_off(prim, BODY_ENABLED) or prim.attributes.get(KINEMATIC) is True
+        is_still = still_by(prim.attributes) != ""
         is_tied = any(is_at_or_below(end, path) for joint in joints(stage) for end in bodies(joint))
         if path != root and not is_still and is_tied and BODY_API in prim.apis:
             yield prim

@@ -9,7 +9,7 @@ from typing import get_args
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
 from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance, read_drive
-from lab3_usd.model.physics import EXCLUDED, SCENE, joint_limits, number
+from lab3_usd.model.physics import EXCLUDED, KINEMATIC, SCENE, joint_limits, number, still_by
 from lab3_usd.physics.machine import (
     FIXED,
     HINGE,
@@ -24,13 +24,12 @@ BODY, ROOT, COLLIDER = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "Phy
 
 def is_dynamic(prim: ScenePrim) -> bool:
     """Whether a prim is a body that moves."""
-    on = prim.values.get("physics:rigidBodyEnabled") is not False
-    return BODY in prim.apis and on and not prim.values.get("physics:kinematicEnabled")
+    return BODY in prim.apis and not still_by(prim.values)
 
 
 def is_kinematic(prim: ScenePrim) -> bool:
     """Whether a prim is a body that nothing moves."""
-    return BODY in prim.apis and prim.values.get("physics:kinematicEnabled") is True
+    return BODY in prim.apis and prim.values.get(KINEMATIC) is True
 
 
 def has_collision(prim: ScenePrim) -> bool:

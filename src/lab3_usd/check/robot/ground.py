@@ -7,7 +7,6 @@ import re
 from collections.abc import Iterator, Sequence
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
-from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.facts.stances import machines
 from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Problem
@@ -34,7 +33,15 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Collider, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, once_per_stage
-from lab3_usd.model.transforms import AXES, IDENTITY, Vector, angle_between, decompose, scaled
+from lab3_usd.model.transforms import (
+    AXES,
+    IDENTITY,
+    Vector,
+    angle_between,
+    decompose,
+    scaled,
+    vector_text,
+)
 from lab3_usd.spec.scene import NO_ROBOT
 
 _EARTH = 9.81  # metres per second squared

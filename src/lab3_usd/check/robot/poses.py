@@ -2,31 +2,35 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from typing import Literal
+from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.model.prims import Matrix, Prim
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import (
+    Part,
+    PlaceTolerance,
+    Pose,
     Vector,
     decompose,
     distance,
     euler_angles,
-    rotation_difference,
+    is_scaled_alike,
+    parts_apart,
     rotation_from_euler,
     scale_of,
     scaled,
+    vector_text,
 )
 from lab3_usd.spec.scene import PoseSpec, SceneSpec
 
-Kind = Literal["translate", "rotate", "scale"]
 ORDER = "xformOpOrder"
 _PIVOT = ":pivot"
 RESET = "!resetXformStack!"  # in that order: leave out the transforms of all parents
 # The operations of the Property panel; others that do the same, in the order of preference.
-OPERATIONS: Mapping[Kind, tuple[str, ...]] = {
+OPERATIONS: Mapping[Part, tuple[str, ...]] = {
     "translate": ("xformOp:translate",),
     "rotate": ("xformOp:orient", "xformOp:rotate"),
     "scale": ("xformOp:scale",),
@@ -43,27 +47,29 @@ class Units(Struct, frozen=True):
     actual: float = 1.0
     expected: float = 1.0
 
+    def nearest(self, point: Vector, expected: Vector) -> Vector:
+        """Return a point of a stage in metres, by the unit with which it is nearer to another."""
+        readings = (scaled(point, self.expected), scaled(point, self.actual))
+        return min(readings, key=lambda reading: distance(reading, expected))
+
     def shown(self, metres: Vector) -> Vector:
         """Return what the Property panel shows in a stage with the units asked for."""
         return scaled(metres, 1.0 / self.expected)
 
 
-class Tolerance(Struct, frozen=True):
-    """What counts as the same pose: lengths in metres, degrees, factors.
+class Tolerance(PlaceTolerance, frozen=True):
+    """What counts as the same pose, with lengths in metres.
 
     `units` are those of the stage and of the lab, whose files give lengths in metres.
     """
 
-    position: float
-    angle: float
-    scale: float
     units: Units
 
 
 class PoseError(Struct, frozen=True):
     """One part of a pose that is wrong, the property that says so, and how to repair it."""
 
-    kind: Kind
+    kind: Part
     property: str
     message: str
     expected: str
@@ -91,22 +97,20 @@ def units_of(scene: SceneSpec, stage: StageModel) -> Units:
 def pose_errors(
     prim: Prim, matrix: Matrix, expected: PoseSpec, tolerance: Tolerance
 ) -> Iterator[PoseError]:
-    """Yield what is wrong with a transform.
-
-    A number that is none (NaN) is near nothing, which is why each test is the other way round.
-    """
-    pose = decompose(matrix)
-    if not is_near(pose.translation, expected.translate, tolerance.position, tolerance.units):
-        shown = tolerance.units.shown(expected.translate)
-        yield _misfit(prim, "translate", pose.translation, shown, "")
-    rotation = expected.rotate
-    if not rotation_difference(pose.rotation, rotation_from_euler(rotation)) <= tolerance.angle:
-        yield _misfit(prim, "rotate", euler_angles(pose.rotation), rotation, " degrees")
-    if not distance(pose.scale, expected.scale) <= tolerance.scale:
-        yield _misfit(prim, "scale", pose.scale, expected.scale, "")
+    """Yield what is wrong with a transform."""
+    pose, units = decompose(matrix), tolerance.units
+    in_metres = units.nearest(pose.translation, expected.translate)
+    wanted = Pose(expected.translate, rotation_from_euler(expected.rotate), expected.scale)
+    values: Mapping[Part, tuple[Vector, Vector, str]] = {
+        "translate": (pose.translation, units.shown(expected.translate), ""),
+        "rotate": (euler_angles(pose.rotation), expected.rotate, " degrees"),
+        "scale": (pose.scale, expected.scale, ""),
+    }
+    for part in parts_apart(replace(pose, translation=in_metres), wanted, tolerance):
+        yield _misfit(prim, part, *values[part])
 
 
-def _misfit(prim: Prim, kind: Kind, actual: Vector, expected: Vector, unit: str) -> PoseError:
+def _misfit(prim: Prim, kind: Part, actual: Vector, expected: Vector, unit: str) -> PoseError:
     name = {"translate": "translation", "rotate": "rotation", "scale": "scale"}[kind]
     actual_text, expected_text = vector_text(actual), vector_text(expected)
     message = f"{name} is {actual_text}{unit}, expected {expected_text}"
@@ -132,11 +136,10 @@ def is_near(point: Vector, expected: Vector, tolerance: float, units: Units) -> 
 
     A stage whose units are wrong is right in one of two ways: in its units, or in those asked for.
     """
-    readings = (scaled(point, units.expected), scaled(point, units.actual))
-    return min(distance(reading, expected) for reading in readings) <= tolerance
+    return distance(units.nearest(point, expected), expected) <= tolerance
 
 
-def pose_property(prim: Prim, kind: Kind) -> str:
+def pose_property(prim: Prim, kind: Part) -> str:
     """Return the operation that sets this part of the pose, as authored, else as the panel would.
 
     A pose written as one matrix has no part of its own to point at; the panel's name stands in.
@@ -155,11 +158,6 @@ def _operations(prim: Prim) -> list[str]:
     return [name for name in order if isinstance(name, str)] if isinstance(order, tuple) else []
 
 
-def vector_text(numbers: Sequence[float]) -> str:
-    """Write a vector as the Property panel shows it, without float noise."""
-    return "(" + ", ".join(f"{round(number, 6) + 0.0:g}" for number in numbers) + ")"
-
-
 def scale_on_parent(prim: Prim) -> Vector:
     """Return by what a prim is scaled on its parent."""
     return UNSCALED if prim.local is None else scale_of(prim.local)
@@ -167,4 +165,4 @@ def scale_on_parent(prim: Prim) -> Vector:
 
 def is_scaled(prim: Prim, tolerance: float) -> bool:
     """Whether a prim has another size than its parent gives it."""
-    return not distance(scale_on_parent(prim), UNSCALED) <= tolerance  # so that NaN is far as well
+    return not is_scaled_alike(scale_on_parent(prim), UNSCALED, tolerance)

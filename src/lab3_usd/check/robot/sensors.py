@@ -7,16 +7,16 @@ from collections.abc import Container, Iterator
 from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import StageSubject
-from lab3_usd.check.robot.poses import (
-    PoseError,
-    pose_errors,
-    pose_property,
-    sensor_tolerance,
-    vector_text,
-)
+from lab3_usd.check.robot.poses import PoseError, pose_errors, pose_property, sensor_tolerance
 from lab3_usd.model.prims import Matrix, Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel, once_per_stage
-from lab3_usd.model.transforms import IDENTITY, angle_between, camera_axes, relative_transform
+from lab3_usd.model.transforms import (
+    IDENTITY,
+    angle_between,
+    camera_axes,
+    relative_transform,
+    vector_text,
+)
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.scene import ANYWHERE, SensorSpec, ViewSpec
 

@@ -10,7 +10,6 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.rules.world import SHAPE, at_rest, rests
 from lab3_usd.facts.articulations import driven_wheels
 from lab3_usd.facts.stances import INERTIA, driven_machines, machines
@@ -33,6 +32,7 @@ from lab3_usd.model.physics import (
     vector,
 )
 from lab3_usd.model.prims import upwards
+from lab3_usd.model.transforms import vector_text
 from lab3_usd.physics.unmodelled import inert
 
 if TYPE_CHECKING:

@@ -5,16 +5,11 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.robot.poses import (
-    UNSCALED,
-    is_scaled,
-    pose_property,
-    scale_on_parent,
-    untyped,
-    vector_text,
-)
+from lab3_usd.check.robot.poses import UNSCALED, is_scaled, pose_property, scale_on_parent, untyped
 from lab3_usd.check.robot.wheels import unknown_joints
 from lab3_usd.check.rules.any_physics import link_bodies
 from lab3_usd.check.rules.world import SHAPE, at_rest
@@ -32,7 +27,6 @@ from lab3_usd.model.physics import (
     BODY_ENABLED,
     COLLISION_API,
     COLLISION_ENABLED,
-    KINEMATIC,
     MASS,
     MASS_API,
     bodies,
@@ -40,14 +34,25 @@ from lab3_usd.model.physics import (
     is_switched_off,
     joints,
     number,
+    still_by,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.transforms import vector_text
 from lab3_usd.spec.scene import LinkSpec
 
 
 def _asked(subject: RobotSubject, what: str, link: Prim) -> str:
     """Return the id of what is asked of a link."""
     return f"{subject.robot.group}/{what}/{subject.robot.link_at(link.path)}"
+
+
+def _link_problem(
+    subject: RobotSubject, link: Prim, what: str, fault: tuple[str, str, str, str], handout: str
+) -> Problem:
+    """Return that a link is not as asked: a message, a property, what it should be, what it is."""
+    message, name, expected, actual = fault
+    fix, unmet = (Restore(link.path, name),), (_asked(subject, what, link),)
+    return Problem(link.path, message, name, expected, actual, handout, fix=fix, unmet=unmet)
 
 
 def _links(subject: RobotSubject) -> Iterator[tuple[Prim, LinkSpec]]:
@@ -86,22 +91,13 @@ def link_mass(subject: RobotSubject) -> Iterator[Problem]:
             continue
         actual_text = "not set" if actual is None else f"{actual:g} kg"
         expected_text = f"{expected:g} kg"
-        message = f"mass is {actual_text}, expected {expected_text}"
-        fix: Edit = Restore(prim.path, MASS)
+        fault = f"mass is {actual_text}, expected {expected_text}", MASS, expected_text, actual_text
         if actual is not None and not has_api:
-            message, expected_text = f"mass has no effect: {MASS_API} was removed", MASS_API
-            fix = ApplySchema(prim.path, MASS_API)
-        yield Problem(
-            prim.path,
-            message,
-            MASS,
-            expected_text,
-            actual_text,
-            spec.handout,
-            fix=(fix,),
-            unmet=(_asked(subject, "mass", prim),),
-            rests_on=asset if actual is None else None,
-        )
+            fault = f"mass has no effect: {MASS_API} was removed", MASS, MASS_API, actual_text
+        problem = _link_problem(subject, prim, "mass", fault, spec.handout)
+        if fault[2] == MASS_API:
+            problem = replace(problem, fix=(ApplySchema(prim.path, MASS_API),))
+        yield replace(problem, rests_on=asset if actual is None else None)
 
 
 @rule("S05", "rigid-body", scope="robot", demands=link_bodies)
@@ -120,8 +116,7 @@ def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
     """
     handout = subject.robot.handout
     for prim, _ in _links(subject):
-        path, name, unmet = prim.path, BODY_ENABLED, (_asked(subject, "body", prim),)
-        fix = Restore(path, name)
+        path, still, unmet = prim.path, still_by(prim.attributes), (_asked(subject, "body", prim),)
         if BODY_API in prim.apis and prim.placeless:
             yield Problem(
                 path,
@@ -136,21 +131,19 @@ def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
             yield Problem(
                 path,
                 f"{prim.name} is not a rigid body",
-                name,
+                BODY_ENABLED,
                 BODY_API,
                 handout=handout,
                 fix=(ApplySchema(path, BODY_API),),
                 unmet=unmet,
                 rests_on=subject.stage.unknown(path),
             )
-        elif is_switched_off(prim, name):
-            message = f"{prim.name}'s rigid body is switched off"
-            yield Problem(path, message, name, "True", "False", handout, fix=(fix,), unmet=unmet)
-        elif prim.attributes.get(KINEMATIC) is True:
-            message, fix = f"{prim.name} is kinematic: nothing moves it", Restore(path, KINEMATIC)
-            yield Problem(
-                path, message, KINEMATIC, "False", "True", handout, fix=(fix,), unmet=unmet
-            )
+        elif still == BODY_ENABLED:
+            fault = f"{prim.name}'s rigid body is switched off", still, "True", "False"
+            yield _link_problem(subject, prim, "body", fault, handout)
+        elif still:
+            fault = f"{prim.name} is kinematic: nothing moves it", still, "False", "True"
+            yield _link_problem(subject, prim, "body", fault, handout)
     root = subject.stage.prim(subject.robot.path)
     if root is not None and _falls_alone(root, subject):
         yield Problem(
@@ -167,8 +160,7 @@ def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
 
 def _falls_alone(root: Prim, subject: RobotSubject) -> bool:
     """Whether the robot's root is a body that moves apart from the links below it."""
-    is_body = BODY_API in root.apis and not is_switched_off(root, BODY_ENABLED)
-    if not is_body or root.attributes.get(KINEMATIC) is True:
+    if BODY_API not in root.apis or still_by(root.attributes):
         return False
     if root.path in subject.robot.link_paths or unknown_joints(subject):
         return False
@@ -281,8 +273,5 @@ def link_scale(subject: RobotSubject) -> Iterator[Problem]:
         if is_scaled(prim, tolerance):
             actual, expected = vector_text(scale_on_parent(prim)), vector_text(UNSCALED)
             message = f"{prim.name}'s scale is {actual}, expected {expected}"
-            scale = pose_property(prim, "scale")
-            fix, unmet = (Restore(prim.path, scale),), (_asked(subject, "body", prim),)
-            yield Problem(
-                prim.path, message, scale, expected, actual, handout, fix=fix, unmet=unmet
-            )
+            fault = message, pose_property(prim, "scale"), expected, actual
+            yield _link_problem(subject, prim, "body", fault, handout)

@@ -11,14 +11,7 @@ from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
 from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.location import demanded_prims, same_named_prims
-from lab3_usd.check.robot.poses import (
-    is_near,
-    pose_errors,
-    pose_property,
-    root_tolerance,
-    units_of,
-    vector_text,
-)
+from lab3_usd.check.robot.poses import is_near, pose_errors, pose_property, root_tolerance, units_of
 from lab3_usd.check.robot.sensors import is_named
 from lab3_usd.check.rules.graphs import with_missing_graphs
 from lab3_usd.check.rules.sensors import EMPTY, part_of_pose, pose_demands
@@ -41,6 +34,7 @@ from lab3_usd.model.transforms import (
     decompose,
     relative_transform,
     rotation_difference,
+    vector_text,
 )
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import SceneSpec

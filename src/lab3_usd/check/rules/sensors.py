@@ -15,7 +15,6 @@ from lab3_usd.check.robot.poses import (
     OPERATIONS,
     ORDER,
     RESET,
-    Kind,
     PoseError,
     pose_errors,
     sensor_tolerance,
@@ -41,15 +40,16 @@ from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason, once_per_stage, same_value
+from lab3_usd.model.transforms import Part
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PoseSpec, SensorAttribute, SensorSpec
 
 EMPTY = "Scene/empty"  # the requirement that the first checkpoint holds nothing of later ones
 POSITION, ROTATION = "position", "rotation"
-_PARTS: Mapping[Kind, str] = {"translate": POSITION, "rotate": ROTATION, "scale": "scale"}
+_PARTS: Mapping[Part, str] = {"translate": POSITION, "rotate": ROTATION, "scale": "scale"}
 
 
-def part_of_pose(group: str, kind: Kind) -> str:
+def part_of_pose(group: str, kind: Part) -> str:
     """Return the id of the requirement about one part of a pose."""
     return f"{group}/{_PARTS[kind]}"
 

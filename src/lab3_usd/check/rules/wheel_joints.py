@@ -10,7 +10,6 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.axles import anchor_in_metres, axles, own_axle
-from lab3_usd.check.robot.poses import vector_text
 from lab3_usd.check.robot.wheels import (
     WheelJoint,
     base_side,
@@ -41,7 +40,7 @@ from lab3_usd.model.physics import (
 )
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason
-from lab3_usd.model.transforms import Vector, angle_between, distance, dot, scaled
+from lab3_usd.model.transforms import Vector, angle_between, distance, dot, scaled, vector_text
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import RobotSpec
 

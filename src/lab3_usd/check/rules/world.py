@@ -32,7 +32,6 @@ from lab3_usd.check.robot.poses import (
     pose_errors,
     pose_property,
     root_tolerance,
-    vector_text,
 )
 from lab3_usd.check.robot.surroundings import darkened
 from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemoveSchema, Restore
@@ -57,6 +56,7 @@ from lab3_usd.model.transforms import (
     rotation_difference,
     scaled,
     transform_point,
+    vector_text,
 )
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import RobotSpec, WorldPart, WorldSpec

@@ -8,7 +8,7 @@ from typing import Any
 from pxr import Sdf, Usd
 
 from lab3_usd.model.changes import Change, Difference
-from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC, SCENE
+from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC, SCENE, still_by
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.traction import BINDING
 from lab3_usd.stage.compare.pairs import (
@@ -150,7 +150,7 @@ def _changed_property(
         now = twin.GetPrimDefinition().GetAttributeFallbackValue(name)
     if was is None or was == now:
         return
-    tolerance = terms.mass if name in terms.rules.masses else terms.tolerance.number
+    tolerance = terms.mass if name in terms.rules.masses else terms.number
     if same_usd_value(was, now, tolerance) or _is_excused(prim, twin, name, kind, terms):
         return
     physics = kind == "physics" or (kind == "shape" and is_collision_shape(prim, terms.rules))
@@ -211,8 +211,8 @@ def _added_differences(
 
 def _stays(prim: Usd.Prim, terms: Terms) -> bool:
     """Whether the prim is no body, or one that nothing moves."""
-    is_off = _value(prim, BODY_ENABLED) is False or _value(prim, KINEMATIC) is True
-    return is_off or terms.rules.body not in applied_schemas(prim)
+    is_still = still_by({name: _value(prim, name) for name in _SWITCHES}) != ""
+    return is_still or terms.rules.body not in applied_schemas(prim)
 
 
 def is_unknown(path: str, terms: Terms) -> bool:
@@ -240,7 +240,7 @@ def _added_property(
     if value is None or _has_default(difference):
         return  # what usd-core knows a default of is compared as a value
     default = dict(terms.rules.neutral).get(name)
-    if default is None or not same_usd_value(default, value, terms.tolerance.number):
+    if default is None or not same_usd_value(default, value, terms.number):
         message = f"{name} {display_value(value)} was added"
         yield Difference("added", name, "", message, physics=False)
 

@@ -13,6 +13,7 @@ from pxr import Usd, UsdGeom
 from lab3_usd.model.changes import Change, StarterSubject
 from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import UnresolvedAsset
+from lab3_usd.model.transforms import PlaceTolerance
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PropSpec
 from lab3_usd.spec.submission import StarterRules
@@ -30,7 +31,6 @@ from lab3_usd.stage.compare.pairs import (
 )
 from lab3_usd.stage.compare.value_terms import (
     Terms,
-    ValueTolerance,
     affects_physics,
     body_of,
     classifier,
@@ -97,7 +97,8 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
     return Terms(
         rules=rules,
         classes=classifier(rules),
-        tolerance=ValueTolerance(tolerance.number, length, tolerance.sensor_angle, tolerance.scale),
+        place=PlaceTolerance(length, tolerance.sensor_angle, tolerance.scale),
+        number=tolerance.number,
         mass=tolerance.mass,
         roots=tuple(robot.path for robot in robots),
         articulated=tuple(

@@ -8,7 +8,7 @@ from __future__ import annotations
 import math
 import operator
 import re
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping
 from fnmatch import translate
 from functools import cache, lru_cache
 from pathlib import Path
@@ -20,7 +20,17 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import Difference
 from lab3_usd.model.finding import display
-from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.prims import Matrix, is_at_or_below
+from lab3_usd.model.transforms import (
+    Part,
+    PlaceTolerance,
+    decompose,
+    euler_angles,
+    is_scaled_alike,
+    parts_apart,
+    scale_of,
+    vector_text,
+)
 from lab3_usd.spec.submission import StarterRules
 from lab3_usd.stage.read.prim_transforms import ORDER, RESET, TransformCache, local_transform
 from lab3_usd.stage.read.properties import plain_value
@@ -29,28 +39,18 @@ Class = Literal["never", "physics", "pose", "shape", "look", "other"]
 POSE = "xformOp"
 
 
-class ValueTolerance(Struct, frozen=True):
-    """The tolerances within which two numbers (relatively) and two poses are equal.
-
-    `length` is in stage units, `angle` in degrees, `scale` relative.
-    """
-
-    number: float
-    length: float
-    angle: float
-    scale: float
-
-
 class Terms(Struct, frozen=True):
     """How prims are compared.
 
-    `classes` tells what a property is about. `roots` are the robots, whose own places are not
+    `classes` tells what a property is about. Lengths of `place` are in units of the stage, `number`
+    and `mass` are relative. `roots` are the robots, whose own places are not
     compared; of each, `articulated` are the prims that may carry the articulation root.
     """
 
     rules: StarterRules
     classes: Callable[[str], Class]
-    tolerance: ValueTolerance
+    place: PlaceTolerance
+    number: float
     mass: float
     roots: tuple[str, ...]
     articulated: tuple[tuple[str, ...], ...]
@@ -235,31 +235,14 @@ def _short(value: Value | None) -> Value | None:
     return value
 
 
-def same_place(was: Gf.Matrix4d, now: Gf.Matrix4d, tolerance: ValueTolerance) -> str:
-    """Say how two transforms differ: 'moved', 'turned' or 'scaled'; '' where they do not."""
-    if (was.ExtractTranslation() - now.ExtractTranslation()).GetLength() > tolerance.length:
-        return "moved"
-    if not same_scale(was, now, tolerance.scale):
-        return "scaled"
-    angles = (_angle(was.GetRow3(row), now.GetRow3(row)) for row in range(3))
-    return "turned" if any(angle > tolerance.angle for angle in angles) else ""
+What = Literal["moved", "scaled", "turned"]
+_PARTS: Mapping[Part, What] = {"translate": "moved", "scale": "scaled", "rotate": "turned"}
 
 
-def same_scale(was: Gf.Matrix4d, now: Gf.Matrix4d, limit: float) -> bool:
-    """Whether two transforms scale alike, up to a relative limit; a mirrored one does not."""
-    for row in range(3):
-        before, after = was.GetRow3(row).GetLength(), now.GetRow3(row).GetLength()
-        if not abs(before - after) <= limit * max(before, after):
-            return False
-    return bool(was.GetDeterminant3() * now.GetDeterminant3() >= 0)
-
-
-def _angle(was: Gf.Vec3d, now: Gf.Vec3d) -> float:
-    """Return the angle between two axes in degrees, 0 where one has no length."""
-    if not was.GetLength() or not now.GetLength():
-        return 0.0
-    across = Gf.Cross(was, now).GetLength()
-    return math.degrees(math.atan2(across, Gf.Dot(was, now)))
+def how_apart(was: Matrix, now: Matrix, tolerance: PlaceTolerance) -> What | None:
+    """Say how two transforms differ, None where they do not."""
+    parts = [*parts_apart(decompose(was), decompose(now), tolerance)]
+    return next((what for part, what in _PARTS.items() if part in parts), None)
 
 
 _SCALE = "xformOp:scale"
@@ -271,10 +254,11 @@ def place_differences(
     """Yield how the place of a prim differs; what a run moves may have moved."""
     was, now = (matrix_of(either, local=same_parent) for either in (prim, twin))
     if terms.bodies_rest or terms.rules.body not in applied_schemas(prim):
-        what = same_place(was, now, terms.tolerance)
+        what = how_apart(was, now, terms.place)
     else:  # a run moves bodies, and scales none
-        what = "" if same_scale(was, now, terms.tolerance.scale) else "scaled"
-    if not what:
+        is_alike = is_scaled_alike(scale_of(was), scale_of(now), terms.place.scale)
+        what = None if is_alike else "scaled"
+    if what is None:
         return
     names = [name for name in twin.GetAuthoredPropertyNames() if terms.classes(name) == "pose"]
     changed = [name for name in names if not _same_pose_value(prim, twin, name)]
@@ -295,7 +279,7 @@ def authored_place_differences(
     for name in names:
         was, now = prim.GetAttribute(name), twin.GetAttribute(name)
         may_differ = name == ORDER or (moves and not name.startswith(_SCALE))
-        if may_differ or not was or same_usd_value(was.Get(), now.Get(), terms.tolerance.scale):
+        if may_differ or not was or same_usd_value(was.Get(), now.Get(), terms.place.scale):
             continue
         physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
         yield Difference("place", name, display_value(was.Get()), display_value(now.Get()), physics)
@@ -319,23 +303,18 @@ def _same_pose_value(prim: Usd.Prim, twin: Usd.Prim, name: str) -> bool:
     return bool(was) and bool(now) and was.Get() == now.Get()
 
 
-def matrix_of(prim: Usd.Prim, *, local: bool) -> Gf.Matrix4d:
+def matrix_of(prim: Usd.Prim, *, local: bool) -> Matrix:
     """Return the transform of a prim to its parent, or to the world."""
     # UsdGeom raises where the value of an operation is of a type that the operation does not take.
     matrix, is_reset = local_transform(prim)
-    return Gf.Matrix4d(*(matrix if local and not is_reset else TransformCache().world(prim)))
+    return matrix if local and not is_reset else TransformCache().world(prim)
 
 
-def shown_place(what: str, matrix: Gf.Matrix4d) -> str:
+def shown_place(what: What, matrix: Matrix) -> str:
     """Say of a transform where it places a prim, how it turns or how it scales one."""
+    pose = decompose(matrix)
     if what == "moved":
-        return "at " + _text(matrix.ExtractTranslation())
+        return f"at {vector_text(pose.translation)}"
     if what == "scaled":
-        return "scale " + _text([matrix.GetRow3(row).GetLength() for row in range(3)])
-    turn = matrix.GetOrthonormalized().ExtractRotation()
-    axes = (Gf.Vec3d.ZAxis(), Gf.Vec3d.YAxis(), Gf.Vec3d.XAxis())
-    return f"turned {_text(reversed(list(turn.Decompose(*axes))))} degrees"
-
-
-def _text(numbers: Iterable[float]) -> str:
-    return "(" + ", ".join(f"{round(number, 6) + 0.0:.6g}" for number in numbers) + ")"
+        return f"scale {vector_text(pose.scale)}"
+    return f"turned {vector_text(euler_angles(pose.rotation))} degrees"
