@@ -94,6 +94,7 @@ def articulation(subject: RobotSubject) -> Iterator[Problem]:
                 related=(target,) if prim.path != target else (),
                 fix=(RemoveSchema(prim.path, spec.api), ApplySchema(target, spec.api)),
                 unmet=(_articulated(subject.robot),),
+                covers=() if right else ((target, spec.api),),  # which it left
             )
             if not right:
                 return

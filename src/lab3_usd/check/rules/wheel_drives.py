@@ -150,15 +150,23 @@ def wheel_grip(subject: RobotSubject) -> Iterator[Problem]:
             )
             slick.setdefault(of_wheel.path if of_wheel is not None else link, []).append(name)
     for site, names in slick.items():
-        sites = [site] if floor_material is None else [site, floor_material.path]
+        slides = dict.fromkeys((site, floor_material.path if floor_material else site))
+        values = [(path, name) for path in slides for name in FRICTIONS]
         yield Problem(
             site,
             f"{' and '.join(names)} {'have' if names[1:] else 'has'} no friction on {ground[1]}",
             FRICTIONS[1],
             "above 0",
             handout=subject.lab.handout.behind("S25", robot.handout),
-            related=tuple(dict.fromkeys((*map(robot.path_of, names), *sites[1:]))),
-            fix=tuple(Restore(path, name) for path in dict.fromkeys(sites) for name in FRICTIONS),
+            related=(
+                *map(robot.path_of, names),
+                *(
+                    f"{path}.{name}"
+                    for path, name in values
+                    if (path, name) != (site, FRICTIONS[1])
+                ),
+            ),
+            fix=tuple(Restore(path, name) for path, name in values),
             unmet=tuple(f"{subject.robot.group}/collision/{name}" for name in names),
         )
 

@@ -188,7 +188,8 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
     if part is None or len(dark) < len(present):
         return
     if dark:
-        (site, name), others = dark[0], dark[1:]
+        site, name = dark[0]
+        others = [(prim.path, other) for prim, other in dict.fromkeys(dark) if prim != site]
         value = display(site.attributes.get(name))
         yield Problem(
             site.path,
@@ -197,8 +198,8 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
             "a light",
             value,
             part.handout,
-            related=tuple(dict.fromkeys(prim.path for prim, _ in others if prim != site)),
-            fix=(Restore(site.path, name),),
+            related=tuple(map(".".join, others)),
+            fix=(Restore(site.path, name), *(Restore(*other) for other in others)),
             unmet=(_LIGHT,),
             rests_on=_missing_environment(subject),
         )
