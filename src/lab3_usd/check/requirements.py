@@ -77,7 +77,9 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
         if node is None:
             is_met = False
         elif type(expected) is Wire:
-            is_met = _is_connected(subject, node, expected)
+            source = subject.roles.node_of[expected.source.role]
+            equivalents = subject.roles.equivalents
+            is_met = source is not None and is_fed(source, node, expected, equivalents)
         elif type(expected) is Setting:
             found = settings[item.role, expected.port]
             is_met = found.met
@@ -147,11 +149,6 @@ def _item(
     kind = name.partition("/")[0]
     met = Requirement(f"{graph}/{name}", graph, kind, title, met=True, handout=handout)
     return _GraphItem(role, expected, met, replace(met, met=False))
-
-
-def _is_connected(subject: GraphSubject, node: Node, wire: Wire) -> bool:
-    source = subject.roles.node_of[wire.source.role]
-    return source is not None and is_fed(source, node, wire, subject.roles.equivalents)
 
 
 def _is_slight(subject: GraphSubject, found: Found) -> bool:

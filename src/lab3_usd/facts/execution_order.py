@@ -114,7 +114,9 @@ def states_without(
     lasting, once = _followers(computing, stage.platform)
     unsure = {path for path, node in computing.items() if _is_unsure(node, live, stage.platform)}
     shut = {
-        path for path in {**lasting, **once} if not _passes_on(live[path], live, stage.platform)
+        path
+        for path in {**lasting, **once}
+        if not is_switched_on(live[path], live) or shut_gate(live[path], live, stage.platform)
     }
     # A single signal never opens a gate that counts to more.
     gates = [node for node in computing.values() if node.type_name in stage.platform.gates]
@@ -240,11 +242,6 @@ def _spread(
             if states.get(follower) not in ("runs", state):
                 states[follower] = state
                 ahead.append(follower)
-
-
-def _passes_on(node: Node, live: Nodes, platform: Platform) -> bool:
-    """Whether a node passes signals on, as far as its own values tell."""
-    return is_switched_on(node, live) and not shut_gate(node, live, platform)
 
 
 def _is_unsure(node: Node, live: Nodes, platform: Platform) -> bool:

@@ -146,12 +146,9 @@ def _given(node: Node, output: str, live: Nodes, depth: int) -> Value | None:
     except NoOutputError:
         return None
     except _UnknownError:
-        return absorbing(name, (_term(node, term, live, depth) for term in term_names(names)))
+        terms = (effective_value(node, INPUT + t, live, depth) for t in term_names(names))
+        return absorbing(name, terms)
     return value
-
-
-def _term(node: Node, short: str, live: Nodes, depth: int) -> Value | None:
-    return effective_value(node, INPUT + short, live, depth)
 
 
 def _variable(node: Node, kind: NodeType, live: Nodes, depth: int) -> Value | None:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from lab3_usd.facts.endpoints import namespaces_above
 from lab3_usd.facts.frame_targets import ROBOT_API, frame_of_prim
-from lab3_usd.facts.joined_bodies import JoinedBodies, joined_bodies
+from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.wheels import axis_of_joint, rolling_radius
 from lab3_usd.model.joint_drives import DRIVEN_AXES, read_drive
 from lab3_usd.model.physics import (
@@ -416,15 +416,14 @@ def sensors(stage: StageModel) -> tuple[Sensor, ...]:
     }
     found = stage.of_type(kinds.__contains__)
     own = [prim for prim in found if prim.present and not _is_of_application(prim.path, stage)]
-    return tuple(_sensor(prim, kinds[prim.type], joined, stage) for prim in own)
+    return tuple(
+        Sensor(prim, kinds[prim.type], frame_of_prim(prim.path, stage), joined.carrier(prim.path))
+        for prim in own
+    )
 
 
 def _is_of_application(path: str, stage: StageModel) -> bool:
     return any(is_at_or_below(path, top) for top in stage.platform.application_prims)
-
-
-def _sensor(prim: Prim, kind: str, joined: JoinedBodies, stage: StageModel) -> Sensor:
-    return Sensor(prim, kind, frame_of_prim(prim.path, stage), joined.carrier(prim.path))
 
 
 def _sensors_of(robot: Robot, stage: StageModel) -> Iterable[Sensor]:

@@ -59,7 +59,9 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
     Example: `/Graph/ROS_Clock` publishes `/clock` beside `{graph}`.
     """
     again: dict[str, list[tuple[Endpoint, Publishers]]] = {}
-    for topic in _judged_publishers(subject):
+    if isinstance(subject, StageSubject) and not subject.checkpoint.graphs:
+        return  # before the first graph of a lab nothing is judged
+    for topic in publishers_by_topic(subject):
         for endpoint in topic.blamed:
             right = topic.right
             is_twice = endpoint.node.path == right.node.path
@@ -102,12 +104,6 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
             assumes=assumed(first, subject),
             covers=(once_there(first.node.path),),
         )
-
-
-def _judged_publishers(subject: TopicsSubject) -> tuple[Publishers, ...]:
-    """Return who publishes each topic; before the first graph of a lab nothing is judged."""
-    is_begun = not isinstance(subject, StageSubject) or subject.checkpoint.graphs
-    return publishers_by_topic(subject) if is_begun else ()
 
 
 def _without(

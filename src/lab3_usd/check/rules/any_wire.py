@@ -28,7 +28,7 @@ from lab3_usd.facts.wires import (
     sublayer_with_source,
     why_dead,
 )
-from lab3_usd.isaac.node_types import NodeType, Port, can_connect, differ_in_role
+from lab3_usd.isaac.node_types import NodeType, can_connect, differ_in_role
 from lab3_usd.isaac.release_changes import GonePort
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
 from lab3_usd.model.finding import Problem, node_title, short_source
@@ -287,16 +287,13 @@ def _hint_in_script(near: str | None, subject: GraphsSubject) -> str | None:
     return f"write {near}" if near else "write the name of a port that the node has"
 
 
-def _input(wire: Connection) -> Port | None:
-    return None if wire.node.type is None else wire.node.type.port(wire.port)
-
-
 def _rewiring(wire: Connection, *meant: str) -> tuple[Edit, ...]:
     """Return what puts another source in place of a wire's, or takes it out.
 
     Nothing where the input is unknown, or has so many wires that nobody drew them.
     """
-    port, sources = _input(wire), wire.node.sources(wire.port)
+    kind, sources = wire.node.type, wire.node.sources(wire.port)
+    port = None if kind is None else kind.port(wire.port)
     if port is None or len(sources) > _MOST_REWIRED:
         return ()
     at = sources.index(wire.path)

@@ -354,11 +354,8 @@ def _other_meaning(subject: LintSubject, meaning: Meaning, text: str) -> Iterato
     for nodes in graphs.values():
         name = next(iter(meaning.value), None)
         where = f"{node_title(nodes[0])}{_more(nodes)}: {text}"
-        yield _as_told(_at(nodes, where, name), meaning)
-
-
-def _as_told(problem: Problem, meaning: Meaning) -> Problem:
-    return replace(problem, identity=meaning.id, severity=meaning.severity, hint=_LOOK)
+        problem = _at(nodes, where, name)
+        yield replace(problem, identity=meaning.id, severity=meaning.severity, hint=_LOOK)
 
 
 def _means(node: Node, meaning: Meaning, subject: LintSubject) -> bool:

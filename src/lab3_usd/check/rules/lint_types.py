@@ -111,12 +111,8 @@ def _other_release(node: Node, subject: LintSubject) -> str | None:
 
 
 def _hint(node: Node, subject: LintSubject, likely: str | None) -> str | None:
-    if likely is None:
-        return _other_hint(node, subject)
-    return None if subject.stage.build is None else f"write {likely}"
-
-
-def _other_hint(node: Node, subject: LintSubject) -> str:
+    if likely is not None:
+        return None if subject.stage.build is None else f"write {likely}"
     later = _later(node, subject)
     judge_by = f"; judge by that release with --isaac {later}" if later else ""
     return f"replace the node by one that this release has, or use another{judge_by}"

@@ -225,10 +225,6 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
         )
 
 
-def _is_script(subject: GraphSubject, node: Node) -> bool:
-    return subject.lab.platform.scripts.runs(node.type_name)
-
-
 def _published_again(subject: GraphSubject, node: Node) -> tuple[Endpoint, Endpoint] | None:
     """Return where an extra node publishes a topic of the lab, and where another node does."""
     asked = _topics_asked(subject.lab)
@@ -282,7 +278,8 @@ def repeated_publisher(subject: GraphSubject) -> Iterator[Problem]:
     Example: a second ROS2 Publish Clock in {graph_name}.
     """
     for node in subject.roles.extra:
-        pair = None if _is_script(subject, node) else _published_again(subject, node)
+        is_script = subject.platform.scripts.runs(node.type_name)
+        pair = None if is_script else _published_again(subject, node)
         if pair is not None:
             own, other = pair
             yield Problem(

@@ -154,7 +154,8 @@ def same_usd_value(was: Any, now: Any, tolerance: float) -> bool:
     if now is None or isinstance(was, (bool, str)) or isinstance(now, (bool, str)):
         return False
     if isinstance(was, Sdf.AssetPathArray):
-        return _same_assets(was, now)
+        is_array = isinstance(now, Sdf.AssetPathArray) and len(was) == len(now)
+        return is_array and all(map(same_asset, was, now))
     if isinstance(was, Sdf.AssetPath):
         return isinstance(now, Sdf.AssetPath) and same_asset(was, now)
     return _same_numbers(was, now, tolerance)
@@ -213,11 +214,6 @@ def same_asset(was: Sdf.AssetPath, now: Sdf.AssetPath) -> bool:
         return before.name == after.name
 
 
-def _same_assets(was: Any, now: Any) -> bool:
-    is_array = isinstance(now, Sdf.AssetPathArray) and len(was) == len(now)
-    return is_array and all(map(same_asset, was, now))
-
-
 def display_value(value: Any) -> str:
     """Return a value for a message: short numbers, and long arrays by their length."""
     text = display(_short(plain_value(value)))
@@ -272,7 +268,8 @@ def authored_place_differences(
 ) -> Iterator[Difference]:
     """Compare places where layers say all of the place, else operation by operation."""
     order = twin.GetAttribute(ORDER).Get() or ()
-    if len(order) and all(is_authored(twin, name) for name in (ORDER, *_operations(order))):
+    operations = [name.rpartition("!")[2] for name in order if not name.startswith(RESET)]
+    if len(order) and all(is_authored(twin, name) for name in (ORDER, *operations)):
         yield from place_differences(prim, twin, terms, same_parent=True)
         return
     moves = not terms.bodies_rest and terms.rules.body in applied_schemas(prim)
@@ -283,10 +280,6 @@ def authored_place_differences(
             continue
         physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
         yield Difference("place", name, display_value(was.Get()), display_value(now.Get()), physics)
-
-
-def _operations(order: Iterable[str]) -> list[str]:
-    return [name.rpartition("!")[2] for name in order if not name.startswith(RESET)]
 
 
 def is_authored(prim: Usd.Prim, name: str) -> bool:
