@@ -604,10 +604,22 @@ def test_a_car_that_is_steered_the_other_way_is_wrong(tmp_path: Path) -> None:
     assert by_name(played(stage, tmp_path))["follows"].verdict == "bad"
 
 
+def test_a_car_gets_going_and_stops_as_its_acceleration_lets_it(tmp_path: Path) -> None:
+    stage = car()
+    controller = stage.GetPrimAtPath("/World/Drive/ackermann")
+    number = Sdf.ValueTypeNames.Double
+    controller.CreateAttribute("inputs:acceleration", number).Set(0.5)
+    step = controller.CreateAttribute("inputs:dt", number)
+    step.AddConnection("/World/Drive/tick.outputs:deltaSeconds")
+    checks = by_name(played(stage, tmp_path, drive=FIXED, longest=WHOLE))
+    found = {name: checks[name].verdict for name in ("rest", "follows", "again")}
+    assert set(found.values()) == {"ok"}, found
+
+
 def test_a_robot_on_rollers_goes_to_any_side(tmp_path: Path) -> None:
     found = played(rollers(), tmp_path)
     assert (by_name(found)["follows"].message, found.verdict) == ("", "ok")
-    assert any("gives 0.35 m for each metre commanded" in remark for remark in found.remarks)
+    assert any("gives 0.35 m and 2.2 rad for each metre" in remark for remark in found.remarks)
     stage = rollers()
     names = stage.GetAttributeAtPath("/World/Drive/move.inputs:jointNames")
     names.ClearConnections()
@@ -631,6 +643,12 @@ def test_a_turn_to_the_right_for_one_to_the_left_is_wrong(tmp_path: Path) -> Non
     stage = rollers()
     set_value(stage, "/World/Drive/holonomic.inputs:angularGain", 1.0)
     assert by_name(played(stage, tmp_path))["follows"].kind == "wrong-turn"
+
+
+def test_a_turn_of_many_times_what_is_commanded_is_not_judged(tmp_path: Path) -> None:
+    stage = rollers()
+    set_value(stage, "/World/Drive/holonomic.inputs:angularGain", -10.0)
+    assert by_name(played(stage, tmp_path))["follows"].verdict == "not judged"
 
 
 @pytest.mark.parametrize("limit", ["maxWheelSpeed", "maxLinearSpeed"])

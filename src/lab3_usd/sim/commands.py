@@ -23,6 +23,7 @@ STRAIGHT = 0.01  # radians up to which a wheel is not steered
 EXCHANGED = (
     1.5  # times the distance of steered wheels, from which on their points are too far apart
 )
+_HELD = (0.2, 5.0)  # of a command, that wheels on rollers may be expected to do
 LEAST = 0.1  # part of a command that a robot on rollers does at least
 
 
@@ -133,9 +134,14 @@ def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
             text = f"no command reaches {joint.name}, whose drive brakes its wheel"
             yield RunFault(text, "wrong-command-count", joint.path)
         given = _given_motion(trial, robot)
-        if given and not SIZES[0] <= math.hypot(*given[0][:2]) <= SIZES[1]:
-            text = f"{robot.name}: its controller gives {math.hypot(*given[0][:2]):.2f} m"
-            trial.recording.remarks.append(f"{text} for each metre commanded, by its gains")
+        way, turn = (math.hypot(*given[0][:2]), abs(given[2][2])) if given else (1.0, 1.0)
+        if not all(SIZES[0] <= part <= SIZES[1] for part in (way, turn)):
+            text = f"its controller gives {way:.2g} m and {turn:.2g} rad for each metre and radian"
+            text += " commanded, by its gains"
+            trial.recording.remarks.append(f"{robot.name}: {text}")
+            if not all(_HELD[0] <= part <= _HELD[1] for part in (way, turn)):
+                text += ": whether its wheels hold that is not modelled"
+                yield RunFault(text, "wrong-turn", robot.controller, sure=False)
         yield from _moved_as_commanded(trial, given)
         return
     yield from _turns_about_a_point(trial, robot)

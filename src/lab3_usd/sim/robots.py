@@ -18,7 +18,7 @@ from lab3_usd.sim.arms import JOINTS, TRANSFORMS, Reach, joint_drive, reach_of
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Standing, World, open_endpoint
-from lab3_usd.sim.judge.expectations import Expected
+from lab3_usd.sim.judge.expectations import Expected, ramps_of
 from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.timeline import Player, in_metres, player_of
@@ -322,11 +322,10 @@ def _allowed(nodes: Sequence[NodeInstance], world: World) -> tuple[tuple[float, 
         if rim:
             ahead = min(ahead, 0.9 * unit * rim)
             turn = min(turn, 1.8 * rim / (value.get("wheelDistance") or math.inf))
-        if value.get("maxAcceleration") and value.get("maxDeceleration"):
-            least = unit * min(value["maxAcceleration"], value["maxDeceleration"])
-            ramp = max(ramp, ahead / least)
-        if value.get("maxAngularAcceleration"):
-            ramp = max(ramp, turn / value["maxAngularAcceleration"])
+        gain, turning = ramps_of(value)
+        steering = STEERED / (value.get("steeringAngleVelocity") or math.inf)
+        ramp = max(ramp, ahead / unit / gain if gain else 0.0, turn / turning if turning else 0.0)
+        ramp = max(ramp, steering if steering > LEG / 2 else 0.0)
     slow = min(1.0, LONGEST / RAMPS / ramp) if ramp else 1.0  # to get going within a leg
     return (slow * ahead, slow * turn), slow * ramp
 

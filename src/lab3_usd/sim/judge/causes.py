@@ -19,7 +19,7 @@ from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import Program, is_within
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.world import SUBSCRIBER
-from lab3_usd.sim.judge.expectations import Cause, RunFault
+from lab3_usd.sim.judge.expectations import Cause, RunFault, ramps_of
 
 _RADIUS = "wheelRadius"
 _TYPE = "type"  # the input of a helper that says what it publishes
@@ -92,10 +92,10 @@ class RunCauses(Struct, frozen=True):
     def ramps(self) -> tuple[float, float]:
         """Return how fast a controller lets the robot go faster, and turn; 0 without a limit."""
         for running in self.program.nodes.values():
-            names = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
-            up, down, turn = (abs(number(running.values.get(name)) or 0.0) for name in names)
-            if running.type.step_limits and ((up and down) or turn):
-                return running.unit(self.unit) * min(up, down), turn
+            values = {name: number(value) or 0.0 for name, value in running.values.items()}
+            ahead, turn = ramps_of(values) if running.type.step_limits else (0.0, 0.0)
+            if ahead or turn:
+                return running.unit(self.unit) * ahead, turn
         return 0.0, 0.0
 
     def doubt(self, check: str, fault: RunFault) -> bool:

@@ -93,6 +93,19 @@ class Cause(NamedTuple):
     kind: FaultKind | None  # None where only the node is known
 
 
+def ramps_of(values: Mapping[str, float]) -> tuple[float, float]:
+    """Return how fast the inputs of a controller let a robot go faster, and turn; 0: at once.
+
+    A car takes its acceleration from an input that another one limits
+    (ackermann_controller.py:110-135).
+    """
+    most, gentle = abs(values.get("maxAcceleration", 0.0)), abs(values.get("acceleration", 0.0))
+    if "acceleration" in values:
+        return min(gentle, most or math.inf), 0.0
+    least = min(most, abs(values.get("maxDeceleration", 0.0)))
+    return least, abs(values.get("maxAngularAcceleration", 0.0))
+
+
 class Causes(Protocol):
     """An interface that finds the causes of faults in a run."""
 
