@@ -63,6 +63,45 @@ def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
     return tuple(found)
 
 
+@once_per_stage
+def rightly_fed(subject: GraphSubject) -> frozenset[tuple[str, str]]:
+    """Return the inputs to which the lab leads no wire, and one brings the value they should have.
+
+    They have it as well as if it were typed there: by a constant, a variable or what these give.
+    """
+    asked = {(found.node.path, found.setting.port): found.met for found in settings_of(subject)}
+    unasked = (fault for fault in subject.wire_faults if fault.kind == "unasked")
+    right = []
+    for node, port in ((fault.node, fault.port) for fault in unasked):
+        value = effective_value(node, port, subject.live_nodes)
+        default = None if node.type is None else node.type.default(port, None)
+        if value is not None and asked.get((node.path, port), value == default):
+            right.append((node.path, port))
+    return frozenset(right)
+
+
+@once_per_stage
+def right_sources(subject: GraphSubject) -> frozenset[str]:
+    """Return the extra nodes of which nothing is used but the values of inputs `rightly_fed`."""
+    uses: dict[str, set[tuple[str, str]]] = {}
+    for graph in subject.graphs():
+        for node in graph.nodes:
+            for port, state in node.ports.items():
+                for source in state.sources:
+                    uses.setdefault(source.rpartition(".")[0], set()).add((node.path, port))
+    found: set[str] = set()
+    waiting = [node.path for node in subject.roles.extra if node.path in uses]
+    while True:
+        more = {
+            path
+            for path in waiting
+            if all(end in rightly_fed(subject) or end[0] in found for end in uses[path])
+        }
+        if more <= found:
+            return frozenset(found)
+        found |= more
+
+
 def resolves_as_asked(node: Node, spec: NodeSpec, subject: GraphSubject) -> bool:
     """Whether namespace and names of a node make the topics that those of its role make."""
     port, live = INPUT + subject.lab.platform.ros.namespace, subject.live_nodes

@@ -9,6 +9,7 @@ from collections.abc import Iterator
 from functools import lru_cache
 from itertools import chain, count
 
+from lab3_usd.check.match.conformance import right_sources
 from lab3_usd.check.match.diagnosis import absent_nodes, in_another_graph, missing_roles
 from lab3_usd.check.match.rule_inputs import GraphSubject, RobotSubject, StageSubject
 from lab3_usd.check.message_suffixes import note_if_harmless, shown_graph
@@ -208,7 +209,8 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
     """The graph contains a node that the lab does not use.
 
     Why: the node may do nothing, or may repeat the work of another node. A second node with the
-    same settings (context, tick, subscriber) works like the first.
+    same settings (context, tick, subscriber) works like the first. One that only gives an input the
+    value that it should have is a note.
 
     Fix: select the node in the Action Graph editor and delete it.
 
@@ -218,6 +220,7 @@ def extra_node(subject: GraphSubject) -> Iterator[Problem]:
         yield Problem(
             node.path,
             f"{node_title(node)} is not part of {subject.spec.name}",
+            severity="note" if node.path in right_sources(subject) else None,
             actual=node.saved_type,
             handout=subject.spec.handout,
             fix=(RemovePrim(node.path),),

@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
+from lab3_usd.check.match.conformance import rightly_fed
 from lab3_usd.check.match.rule_inputs import GraphSubject, WireFault
 from lab3_usd.check.message_suffixes import without_wire
 from lab3_usd.check.registry import rule
@@ -107,7 +110,7 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     """The lab does not connect this input.
 
     Why: the graph in the handout works without this connection. Its data overrides a correct value
-    or default.
+    or default. Where it brings the right value, as a constant or variable does, it is a note.
 
     Fix: delete the connection unless your instructor asked for it.
 
@@ -116,7 +119,9 @@ def unasked_wire(subject: GraphSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "unasked"):
         source = source_shown(fault)
         message = f"{fault.port} is connected to {source}, which the handout does not ask for"
-        yield _problem(subject, fault, message)
+        problem = _problem(subject, fault, message)
+        is_right = (fault.node.path, fault.port) in rightly_fed(subject)
+        yield replace(problem, severity="note", fix=()) if is_right else problem
 
 
 @rule("W06", "swapped-wires", scope="graph")
