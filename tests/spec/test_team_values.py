@@ -103,6 +103,16 @@ def test_a_dry_run_commands_the_topic_of_the_team(folder: Path, last: Path) -> N
     assert told.exit_code == 0, told.output
 
 
+def test_a_recording_is_judged_by_the_topic_of_the_team(
+    folder: Path, last: Path, tmp_path: Path
+) -> None:
+    pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
+    invoke("--lab", folder, "sim", last, "--bag", tmp_path / last.stem)
+    told = invoke("--lab", folder, "bag", tmp_path / last.stem)
+    assert "ok  follows" in told.output
+    assert told.exit_code == 0, told.output
+
+
 def test_a_file_that_names_no_team_is_refused(folder: Path) -> None:
     lab = load_lab(folder)
     name = lab.files[lab.first].replace("T{team}_", "")

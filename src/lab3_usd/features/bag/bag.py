@@ -56,7 +56,7 @@ def command(
     # The specs are slow to import, and `lab3 --help` does not need them.
     from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.pipeline.stage import checkpoint_of
-    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.spec.load.loader import lab_of_team, load_lab
 
     if find_spec("rosbags") is None:
         needs = f"bag needs the extra sim: {install_command('sim')}"
@@ -70,6 +70,7 @@ def command(
     number = next(filter(None, (checkpoint_of(name, lab) for name in names)), "")
     if checkpoint is not None:
         number = checkpoint_number(checkpoint, [*lab.checkpoints])
+    lab = lab_of_team(lab, [(name, number) for name in names if name and number])
     if maps is not None and not number:
         raise UsageError("--maps: a recording of no checkpoint is laid on no map")
     dry = None
