@@ -112,6 +112,21 @@ def test_each_robot_moves_its_own_tree(folder: Path) -> None:
     assert [(c.of, c.verdict) for c in checks if c.name == "tree"] == [("r1", "ok"), ("r2", "ok")]
 
 
+def test_each_robot_moves_its_own_tree_in_a_recording(folder: Path, tmp_path: Path) -> None:
+    pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
+    from lab3_usd.sim.bag.judge import judge_recording
+
+    (stage,) = (folder.parent / "built").iterdir()
+    invoke("--lab", folder, "sim", stage, "--bag", tmp_path / "run")
+    checks = judge_recording(tmp_path / "run", load_lab(folder), "5", whole=False).behaviour.checks
+    assert [(c.of, c.verdict) for c in checks if c.name in {"tree", "frames"}] == [
+        ("r1", "ok"),
+        ("r1", "ok"),
+        ("r2", "ok"),
+        ("r2", "ok"),
+    ]
+
+
 def test_a_lab_is_described_with_both_trees(folder: Path, tmp_path: Path) -> None:
     (stage,) = (folder.parent / "built").iterdir()
     told = invoke("lab", "new", tmp_path / "new", stage)

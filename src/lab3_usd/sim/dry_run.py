@@ -14,11 +14,11 @@ from lab3_usd.model.physics import BODY_API
 from lab3_usd.sim.any_stage import Played, commanded_joints, play_any
 from lab3_usd.sim.commands import as_of_kind
 from lab3_usd.sim.execution.drive import drive_of, fixed_drive
-from lab3_usd.sim.judge.checks import OF_STAGE, asked_checks, judge
+from lab3_usd.sim.judge.checks import asked_checks
 from lab3_usd.sim.judge.expectations import Expected, Trial
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.topics import expected_at, expected_of_each
-from lab3_usd.sim.outcome import DryRun, Judged, behaviour_of, sent_frames, sent_topics
+from lab3_usd.sim.outcome import DryRun, behaviour_of, judge_each, sent_frames, sent_topics
 from lab3_usd.sim.robots import NO_LIMITS, TWIST, drive_for, robot_of_kind
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
@@ -104,15 +104,13 @@ def _at_checkpoint(
     """Return the results of a stage that is judged by what a lab asks for."""
     lab, checkpoint = asked_by[0], asked_by[0].checkpoints[asked_by[1]]
     asked = expected_of_each(lab, checkpoint)
-    # Robots whose transforms have topics of their own have a tree each.
-    has_trees = len({wanted.transforms for wanted in asked.values()}) > 1
-    of_stage = [name for name in OF_STAGE if not (has_trees and name == "tree")]
+    trials: dict[str, Trial] = {}
+    of_joints: list[tuple[Check, ...]] = []
     driven: list[Driven] = []
-    robots: list[Judged] = []
     for name, wanted in asked.items():
-        trial = _played_for(scene, lab, name, wanted, drive)
+        trials[name] = _played_for(scene, lab, name, wanted, drive)
         if checkpoint.localization and (not name or wanted.root == lab.frames.root):
-            _lay_on_map(trial, path, maps, lab)
+            _lay_on_map(trials[name], path, maps, lab)
         shown: tuple[Check, ...] = ()
         if wanted.joint_commands:
             robot, shown = commanded_joints(scene, lab.platform, wanted)
@@ -120,12 +118,12 @@ def _at_checkpoint(
             shown = tuple(replace(check, of=of) for check in shown)
             if robot is not None:
                 driven.append(Driven(robot.name, wanted.joint_commands, wanted.domain))
-        own = {n: c for n, c in asked_checks(trial).items() if "" in asked or n not in of_stage}
-        robots.append(Judged(name, trial, (*judge(trial, own), *shown)))
-    first, whole = robots[0].trial, tuple[Check, ...]()
-    if "" not in asked:
-        seen = replace(first, wanted=expected_at(lab, checkpoint))
-        whole = judge(seen, {n: c for n, c in asked_checks(seen).items() if n in of_stage})
+        of_joints.append(shown)
+    first = next(iter(trials.values()))
+    shared = replace(first, wanted=expected_at(lab, checkpoint))
+    judged, whole = judge_each(trials, shared, asked_checks)
+    pairs = zip(judged, of_joints, strict=True)
+    robots = [replace(each, checks=(*each.checks, *shown)) for each, shown in pairs]
     sent = [message for message in first.recording.messages if message.away is None]
     behaviour = replace(
         behaviour_of(robots, whole, " with the radius of the lab"),
@@ -136,7 +134,7 @@ def _at_checkpoint(
     if not behaviour.checks and not checkpoint.graphs:
         missing = _nothing_yet(lab, checkpoint.id)
         behaviour = replace(behaviour, missing=missing, is_early=True)
-    return DryRun(behaviour, {each.name: each.trial for each in robots})
+    return DryRun(behaviour, trials)
 
 
 def _played_for(scene: Scene, lab: Lab, name: str, wanted: Expected, drive: str | None) -> Trial:

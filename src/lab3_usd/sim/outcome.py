@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -23,8 +23,8 @@ from lab3_usd.model.dry_run import (
 from lab3_usd.sim.commands import domain_of
 from lab3_usd.sim.execution.drive import RATE, STEERED
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.judge.checks import whole_verdict
-from lab3_usd.sim.judge.expectations import Stretch, Trial, displacement
+from lab3_usd.sim.judge.checks import AnyTrial, judge, of_all, whole_verdict
+from lab3_usd.sim.judge.expectations import RunFault, Stretch, Trial, displacement
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.replay import replay
@@ -55,6 +55,23 @@ class DryRun(Struct, frozen=True):
         """The data of the drawings of each play that has some."""
         drawn = {name: replay(trial) for name, trial in self.plays.items()}
         return {name: each for name, each in drawn.items() if each.moments}
+
+
+def judge_each(
+    trials: Mapping[str, AnyTrial],
+    shared: AnyTrial,
+    asked: Callable[[AnyTrial], Mapping[str, Callable[[AnyTrial], Iterator[RunFault]]]],
+) -> tuple[list[Judged], tuple[Check, ...]]:
+    """Judge the drives of robots by name, the only one by '', and what they share once."""
+    if "" in trials:
+        return [Judged("", trials[""], judge(trials[""], asked(trials[""])))], ()
+    names = of_all(trials.values())
+    robots = []
+    for name, trial in trials.items():
+        own = {check: look for check, look in asked(trial).items() if check not in names}
+        robots.append(Judged(name, trial, judge(trial, own)))
+    of_each = {check: look for check, look in asked(shared).items() if check in names}
+    return robots, judge(shared, of_each)
 
 
 def behaviour_of(

@@ -73,15 +73,11 @@ def judge_any_recording(
         return unread(recording, "", error)
     names = [robot.name for robot in robots] if len(robots) > 1 else [""]
     by_name = dict(zip(names, drives, strict=True))
-    run = of_recording(judged_drives(by_name, drives[0], _OF_ALL), recording, layout)
+    run = of_recording(judged_drives(by_name, drives[0]), recording, layout)
     if run.behaviour.topics:
         return run
     nothing = replace(run.behaviour, verdict="not judged", missing="nothing was recorded")
     return replace(run, behaviour=nothing)
-
-
-# What a recording shows as a whole: each of its robots may have a tree of its own.
-_OF_ALL = ("messages", "rates", "clock")
 
 
 def robots_in(kinds: Kinds, commanded: Collection[str]) -> tuple[RecordedRobot, ...]:
@@ -162,6 +158,12 @@ def _drive_of(
 ) -> Recorded:
     """Read what concerns one robot, and return its drive."""
     clocks = sorted((topic for topic, of in kinds if of == CLOCK), key=lambda name: name.count("/"))
+    static = frozenset(
+        topic
+        for topic, kind in kinds
+        if kind == TRANSFORMS and _is_static(kinds[topic, kind])
+        if nearest(topic, _trees(kinds)) == robot.transforms
+    )
     wanted = replace(
         expected_of(None),
         types={topic: kind for topic, kind in kinds if is_read(kind)},
@@ -171,16 +173,11 @@ def _drive_of(
         odometry=robot.odometry,
         transforms=robot.transforms,
         scan=robot.scan,
+        static=static,
         is_car=(robot.commands, STEERING) in kinds,
         has_rollers=True,  # a robot that nothing is known of may go to any side
     )
-    static = frozenset(
-        topic
-        for topic, kind in kinds
-        if kind == TRANSFORMS and _is_static(kinds[topic, kind])
-        if nearest(topic, _trees(kinds)) == robot.transforms
-    )
-    topics = Topics(wanted, static, "", joints=robot.joints)
+    topics = Topics(wanted, "", joints=robot.joints)
     with opened(layout, bounds) as bag:
         gathered = gather(bag.messages(), bag.topics, topics, bounds)
     sent = gathered.recording.topic(wanted.odometry, 0)

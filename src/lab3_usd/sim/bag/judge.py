@@ -7,7 +7,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Collection, Iterator, Mapping
+from collections.abc import Callable, Iterator, Mapping
 from itertools import pairwise
 from pathlib import Path
 
@@ -16,7 +16,7 @@ from msgspec.structs import replace
 from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
 from lab3_usd.facts.tree import SentTransform, Tree, tree_of
-from lab3_usd.model.dry_run import HERE, Behaviour, Check, Topic, Unknown
+from lab3_usd.model.dry_run import HERE, Behaviour, Topic, Unknown
 from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.driven import (
     follows_side,
@@ -31,7 +31,7 @@ from lab3_usd.sim.bag.recording_files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.execution.drive import Session
 from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
-from lab3_usd.sim.judge.checks import OF_STAGE, is_asked, judge
+from lab3_usd.sim.judge.checks import is_asked
 from lab3_usd.sim.judge.expectations import (
     PHYSICAL,
     RunFault,
@@ -46,9 +46,8 @@ from lab3_usd.sim.judge.topics import (
     expected_of_each,
     map_topic,
     reached_topics,
-    static_topics,
 )
-from lab3_usd.sim.outcome import DryRun, Judged, behaviour_of
+from lab3_usd.sim.outcome import DryRun, behaviour_of, judge_each
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -330,8 +329,7 @@ def _read(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> _Reading
     readings = {}
     for name, wanted in asked.items():
         states = next((topic for topic, kind in wanted.types.items() if kind == JOINTS), "")
-        static, mapped = static_topics(lab), map_topic(lab, checkpoint)
-        topics = Topics(wanted, static, status, *mapped, states)
+        topics = Topics(wanted, status, *map_topic(lab, checkpoint), states)
         with opened(layout, bounds) as bag:
             readings[name] = topics, gather(bag.messages(), bag.topics, topics, bounds)
     return readings
@@ -356,21 +354,12 @@ def _judged(readings: _Readings, asked_by: tuple[Lab, str], *, whole: bool) -> D
         drive.interface, drive.goal = reached_topics(lab, checkpoint), lab.ros.goal
         drive.navigation = frozenset(_navigation(drive, checkpoint, lab, whole=whole))
     robots = {robot: drive for robot, drive in every.items() if robot}
-    return judged_drives(robots or every, every[""], _OF_ALL)
+    return judged_drives(robots or every, every[""])
 
 
-def judged_drives(
-    robots: Mapping[str, Recorded], shared: Recorded, of_all: Collection[str]
-) -> DryRun:
+def judged_drives(robots: Mapping[str, Recorded], shared: Recorded) -> DryRun:
     """Judge the drives of robots by name, the only one by '', and what they share once."""
-    judged, whole = [], tuple[Check, ...]()
-    for name, drive in robots.items():
-        asked = _asked(drive)
-        own = {check: asked[check] for check in asked if not name or check not in of_all}
-        judged.append(Judged(name, drive, judge(drive, own)))
-    if "" not in robots:
-        asked = _asked(shared)
-        whole = judge(shared, {check: asked[check] for check in asked if check in of_all})
+    judged, whole = judge_each(robots, shared, _asked)
     gathered, behaviour = shared.gathered, behaviour_of(judged, whole)
     every = (frame for each in (shared, *robots.values()) for frame in each.gathered.frames)
     behaviour = replace(
@@ -384,8 +373,6 @@ def judged_drives(
 
 
 _TABLE: dict[str, CheckFunction] = {**SHARED, **CHECKS}
-# What a recording of a lab shows as a whole, whichever robot is driven.
-_OF_ALL = (*OF_STAGE, "messages", "QoS", "rates", "headers", "frames", "localization", "goal")
 
 
 def _asked(recorded: Recorded) -> dict[str, CheckFunction]:

@@ -104,7 +104,6 @@ class Topics(Struct, frozen=True):
     """
 
     wanted: Expected
-    static: frozenset[str]
     goal: str
     map: str = ""
     map_frame: str = ""
@@ -119,7 +118,7 @@ class Topics(Struct, frozen=True):
     def lasting(self) -> frozenset[str]:
         """Return those of them that are read to the end."""
         wanted = self.wanted
-        return frozenset({wanted.clock, wanted.transforms, self.goal, *self.static} - {""})
+        return frozenset({wanted.clock, wanted.transforms, self.goal, *wanted.static} - {""})
 
 
 class Gathered(Struct):
@@ -236,9 +235,9 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
     kept = len(gathered.recording.messages)
     if message.at > DETAIL or kept >= gathered.most or gathered.transforms > MOST_TRANSFORMS:
         gathered.until = min(gathered.until or DETAIL, gathered.timeline.now)
-    if message.topic in {wanted.transforms, *topics.static} and isinstance(data, tuple):
+    if message.topic in {wanted.transforms, *wanted.static} and isinstance(data, tuple):
         gathered.listed += len(data)
-        static = message.topic in topics.static
+        static = message.topic in wanted.static
         inner = _links(gathered, message.transforms, message.at, wanted.root, static=static)
         if len(gathered.located) < gathered.most:
             gathered.located += _located(message, topics)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from typing import Literal, TypeVar
 
 from msgspec.structs import replace
@@ -45,8 +45,12 @@ _OF_SCANS = ("scan", "map")
 ESSENTIAL = ("topics", "follows", "joints")  # without which nothing is right
 
 
-# What a stage shows as a whole, whichever robot is driven.
-OF_STAGE = ("graphs", "topics", "clock", "stamps", "tree")
+# What a stage or a recording shows as a whole, whichever robot is driven.
+_OF_ALL = (
+    *("graphs", "topics", "clock", "stamps", "messages", "QoS", "rates", "headers"),
+    *("localization", "goal"),
+)
+_OF_TREES = ("tree", "frames")
 AnyTrial = TypeVar("AnyTrial", bound=Trial)
 
 
@@ -68,6 +72,15 @@ def checks_of(trial: Trial) -> Mapping[str, CheckFunction]:
 def asked_checks(trial: Trial) -> dict[str, CheckFunction]:
     """Return those of them that are asked for, and for which something came."""
     return {name: check for name, check in checks_of(trial).items() if is_asked(name, trial)}
+
+
+def of_all(trials: Iterable[Trial]) -> tuple[str, ...]:
+    """Return the checks of what several robots share.
+
+    Those whose transforms have topics of their own have a tree each.
+    """
+    has_trees = len({trial.wanted.transforms for trial in trials}) > 1
+    return _OF_ALL if has_trees else (*_OF_ALL, *_OF_TREES)
 
 
 def is_asked(name: str, trial: Trial) -> bool:
