@@ -15,6 +15,7 @@ from lab3_usd.isaac.node_types import INPUT, NodeType, Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value as PlainValue
 from lab3_usd.model.build import Build, Span
+from lab3_usd.model.compounds import Compounds, compounds_of, opened_nodes
 from lab3_usd.model.prims import NameFilter, Prim, Prims, of_any_name
 from lab3_usd.model.stage import (
     GraphModel,
@@ -92,6 +93,7 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
         for graph in world.graphs.values()
         if graph.is_ours or any(True for _ in world.nodes_of(graph.path))
     ]
+    graphs = _opened(graphs, platform)
     made = [*world.nodes.values(), *world.changed.values()]
     build = Build(
         faults=tuple(world.faults),
@@ -128,6 +130,38 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
         unresolved=(*scene.unresolved, *missing.values()),
         build=build,
     )
+
+
+def _opened(graphs: list[GraphModel], platform: Platform) -> list[GraphModel]:
+    """Return graphs with the nodes of their compounds.
+
+    A compound stays a node where something is wired to a port that it does not have.
+    """
+    nodes = {node.path: node for graph in graphs for node in graph.nodes}
+    types = {path: node.type_name for path, node in nodes.items()}
+    inner = compounds_of([g.path for g in graphs], types, platform.building.compound)
+    if not inner:
+        return graphs
+    fed = {f"{path}.{n}": state.sources for path in inner for n, state in nodes[path].ports.items()}
+    compounds = Compounds(inner, fed)
+    opened = {node.path: node for node in opened_nodes(nodes.values(), compounds)}
+    opened |= {path: nodes[path] for path in inner if _misses_a_port(nodes[path])}
+    by_graph = {graph.path: [node.path for node in graph.nodes] for graph in graphs}
+    known = [*by_graph]
+    compounds.move(by_graph)
+    return [
+        replace(
+            graph,
+            nodes=tuple(opened[path] for path in by_graph[graph.path] if path in opened),
+            inner=compounds.within(graph.path, known),
+        )
+        for graph in graphs
+        if graph.path in by_graph
+    ]
+
+
+def _misses_a_port(node: Node) -> bool:
+    return node.type is not None and any(node.type.port(name) is None for name in node.ports)
 
 
 def _created(world: World, made: Iterable[BuiltNode]) -> Iterator[tuple[str, str]]:
@@ -265,6 +299,8 @@ def _node(
         named = (full for full in NAMED if full in node.ports)
         parts = {full: _state(full, node.ports[full], kind, node, missing, world) for full in named}
         kind = with_named_message(kind, parts)
+    if kind is not None and node.is_compound:  # whose ports are those that are promoted
+        kind = replace(kind, grows={}, is_documented=False)
     made = {
         full: Port(full, "any", "token")
         for full, port in node.ports.items()

@@ -16,7 +16,7 @@ without that look, a prim that is none ends the process.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator, Mapping
 from functools import lru_cache
 from pathlib import Path
 from typing import Any
@@ -25,7 +25,9 @@ from msgspec import Struct
 from msgspec.structs import astuple
 from pxr import Gf, Sdf, Tf, Usd
 
+from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.compounds import Compounds, compounds_of
 from lab3_usd.model.stage import AnimatedAttribute, same_value
 
 CENTIMETRES = 0.01  # per unit, where a stage does not say
@@ -357,3 +359,16 @@ class AuthoredProperties:
 def _path_on_prim(name: str) -> Sdf.Path | None:
     """Return the path of a property as seen from its prim, None where none may have the name."""
     return Sdf.Path.reflexiveRelativePath.AppendProperty(name) or None
+
+
+def compounds_in(
+    stage: Usd.Stage, graphs: Collection[str], types: Mapping[str, str], compound_type: str
+) -> Compounds:
+    """Return the compounds of a stage with these graphs and nodes, by path with their types."""
+    found, fed = compounds_of(graphs, types, compound_type), {}
+    for path in found:
+        properties = AuthoredProperties(stage.GetPrimAtPath(path))
+        for name in properties.names():
+            if name.startswith((INPUT, OUTPUT)):
+                fed[f"{path}.{name}"] = properties[name].sources()
+    return Compounds(found, fed)

@@ -16,6 +16,7 @@ from pxr import Sdf, Usd, UsdGeom
 from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.names import OtherName
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.compounds import opened_scene_nodes
 from lab3_usd.model.dry_run import (
     HERE,
     RENDER_PRODUCT,
@@ -28,9 +29,8 @@ from lab3_usd.model.dry_run import (
     bounded,
 )
 from lab3_usd.stage.read.assets import find_unresolved
-from lab3_usd.stage.read.compounds import compounds_in, opened_scene_nodes
 from lab3_usd.stage.read.prim_transforms import ORDER, is_placeless
-from lab3_usd.stage.read.properties import CENTIMETRES, stage_number, targets_of
+from lab3_usd.stage.read.properties import CENTIMETRES, compounds_in, stage_number, targets_of
 
 _Value = TypeVar("_Value")
 GRAPH, NODE = "OmniGraph", "OmniGraphNode"

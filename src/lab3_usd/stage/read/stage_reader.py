@@ -18,6 +18,7 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import PRODUCT
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.compounds import opened_nodes
 from lab3_usd.model.stage import (
     DEACTIVATED,
     OVER,
@@ -40,7 +41,6 @@ from lab3_usd.stage.read.assets import (
     is_in_scene,
 )
 from lab3_usd.stage.read.colliders import StageColliders
-from lab3_usd.stage.read.compounds import compounds_in, opened_nodes
 from lab3_usd.stage.read.opening import cached, held, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.properties import (
@@ -50,6 +50,7 @@ from lab3_usd.stage.read.properties import (
     AuthoredProperty,
     authored_data,
     changes_after_start,
+    compounds_in,
     plain_value,
     stage_number,
 )

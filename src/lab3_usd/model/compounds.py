@@ -12,12 +12,9 @@ from typing import TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
-from pxr import Usd
 
-from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.model.dry_run import Input, SceneNode
 from lab3_usd.model.stage import Node, PortState
-from lab3_usd.stage.read.properties import AuthoredProperties
 
 _T = TypeVar("_T")
 _DEEPEST = 32  # compounds in compounds: a wire that comes back to its own port ends
@@ -70,19 +67,12 @@ class Compounds(Struct, frozen=True):
         return wired, "" if wired else feeding[0]
 
 
-def compounds_in(
-    stage: Usd.Stage, graphs: Collection[str], types: Mapping[str, str], compound_type: str
-) -> Compounds:
-    """Return the compounds of a stage with these graphs and nodes, by path with their types."""
+def compounds_of(
+    graphs: Collection[str], types: Mapping[str, str], compound_type: str
+) -> dict[str, str]:
+    """Return the graph in each compound, of these graphs and nodes, by path with their types."""
     inner = {graph.rpartition("/")[0]: graph for graph in graphs}
-    found = {path: inner[path] for path in types if path in inner and types[path] == compound_type}
-    fed = {}
-    for path in found:
-        properties = AuthoredProperties(stage.GetPrimAtPath(path))
-        for name in properties.names():
-            if name.startswith((INPUT, OUTPUT)):
-                fed[f"{path}.{name}"] = properties[name].sources()
-    return Compounds(found, fed)
+    return {path: inner[path] for path in types if path in inner and types[path] == compound_type}
 
 
 def opened_nodes(nodes: Iterable[Node], compounds: Compounds) -> list[Node]:
