@@ -11,7 +11,8 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.world import SHAPE, at_rest, rests
-from lab3_usd.facts.articulations import driven_wheels
+from lab3_usd.facts.articulations import commands_of, driven_wheels
+from lab3_usd.facts.robots import robots
 from lab3_usd.facts.stances import INERTIA, driven_machines, machines
 from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Place, Problem
@@ -53,11 +54,22 @@ def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
 
     Example: the collision box of the chassis reaches 1 mm below the wheels.
     """
-    for node, machine in driven_machines(subject.stage):
-        yield from (
-            replace(problem, related=(*problem.related, node.path))
-            for problem in _carried(machine, subject.stage)
-        )
+    stage = subject.stage
+    for node, machine in driven_machines(stage):
+        for problem in _carried(machine, stage):
+            yield replace(problem, related=(*problem.related, node.path))
+    for machine in _tipping(stage):
+        yield from _carried(machine, stage)
+
+
+def _tipping(stage: StageModel) -> Iterator[Machine]:
+    """Yield the robots on wheels that tip over and that nothing commands."""
+    known = machines(stage)
+    falling = [each for each in known.machines if each.falls] if known is not None else []
+    wheeled = robots(stage) if falling else ()
+    idle = [each for each in wheeled if not commands_of((each.root,), stage)]
+    wheels = {wheel.joint.link for each in idle for wheel in each.wheels}
+    yield from (machine for machine in falling if not wheels.isdisjoint(machine.rest))
 
 
 @rule("S31", "carried-by-other-parts", scope="stage", demands=rests, needs="wheels")
