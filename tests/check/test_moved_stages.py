@@ -155,7 +155,7 @@ def test_a_path_that_was_off_is_cleared(tmp_path: Path) -> None:
     path = f"{MOVE}.inputs:robotPath"
     steps: list[Step] = [
         {"declare": [f"{MOVE}.inputs:usePath", "bool", False]},
-        {"declare": [path, "string", "/World/Rover"]},
+        {"declare": [path, "string", "/World/Elsewhere"]},
     ]
     _, stage = moved(steps, tmp_path, "2023.1", "6.2")
     assert not value(stage, path)
