@@ -34,7 +34,7 @@ def lint(subject: LintSubject) -> RuleResults:
             built = run_rules(rules_of("script", "B"), (subject,), None)
             stage = merge_results((built, stage))
         stage = merge_results((replace(stage, findings=tuple(fold(stage.findings))), own))
-        # What cannot be found leaves the verdict open; whether it should be there is not known.
+        # What cannot be found leaves the stage not judged; whether it should be there is not known.
         notes = replace(
             files, findings=tuple(replace(finding, severity="note") for finding in files.findings)
         )

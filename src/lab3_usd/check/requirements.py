@@ -385,7 +385,7 @@ def with_unknown(
     subject: StageSubject,
     lab: Lab,
 ) -> tuple[Requirement, ...]:
-    """Return the requirements; those that only a finding left open fails are not judged.
+    """Return the requirements; those that fail only for what is unknown are not judged.
 
     What the stage has below a prim that may be absent is judged as it stands there.
     """

@@ -1,4 +1,4 @@
-"""Runs rules over one subject, and keeps what they found, left open, and which of them failed."""
+"""Runs rules over one subject, and keeps what they found, what was not judged, and which failed."""
 
 from __future__ import annotations
 
@@ -71,7 +71,7 @@ def run_rules(rules: Iterable[Rule], subjects: Collection[Any], lab: Lab | None)
     findings: list[Finding] = []
     left_open: list[Finding] = []
     crashes: list[Crash] = []
-    # A site that a rule comes to by several ways is left open once.
+    # A site that a rule comes to by several ways is not judged once.
     not_judged: dict[NotJudged, None] = {}
     for rule in rules:
         for subject in subjects:

@@ -58,7 +58,7 @@ def unmet_needs(node: Node, platform: Platform, live: Nodes) -> Iterator[Need]:
 
 
 def is_needed(node: Node, port: str, stage: StageModel) -> bool:
-    """Whether a node lacks something while nothing is wired into an input.
+    """Whether a node lacks something while an input is not connected.
 
     Nothing else feeds it, no value is authored, and its default is not as good. A signal is needed
     by a node that does not run without it. A default is harmless where the platform knows what the
@@ -146,7 +146,7 @@ def is_nothing(value: Value | Unknown) -> bool:
 class Stop(Struct, frozen=True, eq=False):
     """A node at which signals end: why it gets none, and the nodes that wait for it.
 
-    `reason` is one of unwired (nothing is wired into `port`), broken (only what does not exist),
+    `reason` is one of unwired (`port` is not connected), broken (only what does not exist),
     once (its only signal comes a single time), off (what signals it is switched off), shut (it
     waits behind a gate that lets nothing through), counts (behind a gate that counts to more than
     the one signal that comes).

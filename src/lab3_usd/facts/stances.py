@@ -68,7 +68,7 @@ def driven_machines(stage: StageModel) -> Iterator[tuple[Node, Machine]]:
 
 
 def _is_doubtful(stage: StageModel) -> bool:
-    """Whether boxes leave it open that a robot does not stand on its wheels, or is in something."""
+    """Whether boxes do not tell that a robot stands on its wheels and is in nothing."""
     known = joined_bodies(stage)
     wheels = _wheels(stage)
     boxes: dict[str, list[tuple[Collider, str]]] = {}

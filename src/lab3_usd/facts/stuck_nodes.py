@@ -75,7 +75,7 @@ def stuck_nodes(stage: StageModel) -> dict[str, Stuck]:
 def working_states(stage: StageModel) -> dict[str, State]:
     """Return how surely each node does its work while the timeline plays, by path.
 
-    As `run_states`, but for nodes that are stuck and those that wait for their signals.
+    As `run_states`, except for nodes that are stuck and those that wait for their signals.
     """
     stuck, known = stuck_nodes(stage), run_states(stage)
     if not stuck:

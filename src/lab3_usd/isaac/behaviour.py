@@ -13,7 +13,7 @@ from lab3_usd.isaac.releases import is_release_within
 
 
 class Need(Struct, frozen=True, forbid_unknown_fields=True):
-    """Inputs of which a node needs one that is wired or set, or else works on zeros.
+    """Inputs of which a node needs one that is wired or set, for else it computes from zeros.
 
     With `when` it needs it only where that input is wired or set, or switched on, with
     `when_wired` where it is wired, and with `unless` where it is not switched on. With

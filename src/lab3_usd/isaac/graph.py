@@ -293,7 +293,7 @@ def refuse_second_sources(wires: Iterable[Wire]) -> None:
 
 
 def placed(roles: Iterable[str], wires: Iterable[Wire]) -> dict[str, tuple[float, float]]:
-    """Return a place for each node: a column for each step from those that nothing is wired into.
+    """Return a place for each node: a column for each step from those without a wire.
 
     A cycle of wires ends where it would begin anew.
     """

@@ -44,7 +44,7 @@ def why_no_message(package: str, folder: str, name: str) -> str:
     """Return why there can be no such message, '' where there may be one.
 
     A package that ROS 2 Humble does not have may be somebody's own, unless it is one of Humble's
-    but for an s at its end.
+    except for an s at its end.
     """
     if folder not in {MESSAGES, "action"}:
         return f"messages are in {MESSAGES}, not in {folder}"

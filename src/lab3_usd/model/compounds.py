@@ -50,7 +50,7 @@ class Compounds(Struct, frozen=True):
     def behind(self, sources: Iterable[str], depth: int = _DEEPEST) -> tuple[str, ...]:
         """Return the ports that feed an input, beyond those of compounds.
 
-        One of a compound stays where nothing is wired to it: its own value passes.
+        One of a compound stays where it is not connected: its own value passes.
         """
         found: list[str] = []
         for source in sources:

@@ -85,8 +85,8 @@ class Problem(Struct, frozen=True):
 class Finding(Struct, frozen=True):
     """One fault at its place, as every report shows it (see `schema/report-2.json`).
 
-    No report shows what follows `fix`, which is the problem's own but for `supplied`: whether the
-    rule judges what the starter brings. `counted` is the rule's, too.
+    No report shows what follows `fix`, which is the problem's own, except for `supplied`: whether
+    the rule judges what the starter brings. `counted` is the rule's, too.
     """
 
     rule: str
@@ -196,7 +196,7 @@ class Requirement(Struct, frozen=True):
 
 
 class NotJudged(Struct, frozen=True):
-    """A question that a rule leaves open at a site, because an asset is missing."""
+    """What a rule does not judge at a site, because an asset is missing."""
 
     rule: str
     prim: str
@@ -234,7 +234,7 @@ class NodeCoverage(Struct, frozen=True):
 
     @property
     def is_whole(self) -> bool:
-        """Whether there were nodes, and nothing of them was left open."""
+        """Whether there were nodes, and each was judged whole."""
         is_read = self.built is None or not self.built.unknown
         return self.judged == self.nodes > 0 and not self.partly and is_read
 

@@ -102,7 +102,7 @@ _Plane = tuple[float, float, float]  # the height z = a x + b y + c
 def _plane_below(points: Sequence[Vector], centre: Vector, near: float) -> _Plane | None:
     """Return the plane below which no point is, as high as it can be at the centre.
 
-    None where the centre is not above the points, but for what is `near`.
+    None where the centre is not above the points, except for what is `near`.
     """
     hull = _outline([(x, y) for x, y, _ in points])
     x, y, _ = centre

@@ -124,7 +124,7 @@ def solution(wheels: Sequence[Wheel]) -> list[tuple[float, float, float]]:
     """Return for each wheel what a unit of rolling adds to the base's motion (x, y, turn).
 
     Each wheel rolls as its drive says, if it has one, and none slides along its axle; what is
-    left open stays as small as it can be, what contradicts is evened out.
+    unknown stays as small as it can be, what contradicts is evened out.
     """
     lines = []
     for index, wheel in enumerate(wheels):

@@ -436,7 +436,7 @@ def _frozen(value: Any) -> PlainValue:
 
 
 def _usd_type(value: PlainValue, port: Port | None) -> str:
-    """Return the type that a value has: the port's, but for one that it can surely not hold."""
+    """Return the type that a value has: the port's, except for one that it can surely not hold."""
     if port is None or port.is_union:
         return "token" if isinstance(value, str) else "double"
     if isinstance(value, str) and port.usd_type in _NUMBERS:

@@ -148,7 +148,7 @@ def _part_of(program: Program, scene: Scene, added: Collection[str]) -> Program:
 def _runs_in_order(part: Player, later: Player) -> bool:
     """Whether no node of the part depends on how many others there are.
 
-    Rings of wires run as often as there are nodes. Handles that a file names by number are of
+    Cycles of wires run as often as there are nodes. Handles that a file names by number are of
     contexts and products in the order in which these are made.
     """
     most = len(later.recording.path) + 1

@@ -267,7 +267,7 @@ def names_of(controller: NodeInstance, machine: Machine | None, world: World) ->
 
 
 def _reach(controller: NodeInstance, machine: Machine | None, player: Player) -> Reach:
-    """Return the joints that commands reach over a controller, but for those of others."""
+    """Return the joints that commands reach over a controller, except for those of others."""
     if machine is None:
         return Reach()
     world = player.world

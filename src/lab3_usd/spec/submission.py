@@ -209,7 +209,7 @@ def named_checkpoint(name: str, files: Mapping[str, str]) -> str | None:
 
 
 def nearly_named(stem: str, files: Mapping[str, str]) -> str | None:
-    """Return the checkpoint whose prefix a name has but for case, gaps and leading zeros."""
+    """Return the checkpoint whose prefix a name has except for case, gaps and leading zeros."""
     matches = ((_loose(prefix).match(stem), checkpoint) for checkpoint, prefix in _prefixes(files))
     ends = [(match.end(), checkpoint) for match, checkpoint in matches if match is not None]
     return max(ends, key=lambda end: end[0])[1] if ends else None

@@ -298,7 +298,7 @@ class _Link(Struct, frozen=True):
 class _Inside:
     """What the names in one archive say: its single folder, folders of programs, links.
 
-    The one folder that holds everything in a student's archive is left out, but for the folder
+    The one folder that holds everything in a student's archive is left out, except for the folder
     of stages.
     """
 

@@ -140,7 +140,7 @@ def grade_staged(
         )
         points = grade_facts(setup.rubric, facts, late=task.late)
         work = _work(facts, setup.lab, staged.digests)
-        # Stages without faults are not pictured, but for the last: its pictures show what they do.
+        # Of stages without faults only the last is pictured: its pictures show what they do.
         bounds.closed = {
             result.path
             for result in judged.results[:-1]

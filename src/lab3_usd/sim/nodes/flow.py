@@ -69,7 +69,7 @@ FAR = 2.0  # metres from a robot at which a moving surface does not carry it
 def write_prim_attribute(node: NodeInstance, world: World) -> bool:
     """OgnWritePrimAttribute.html: an attribute of a prim.
 
-    What it changes is not simulated, but for what one only sees, and conveyors far from robots.
+    What it changes is not simulated, except for what one only sees, and conveyors far from robots.
     """
     named = (node.text("primPath", world),) if node.flag("usePath", world) else node.targets("prim")
     name, path = node.text("name", world), next(iter(named), "")

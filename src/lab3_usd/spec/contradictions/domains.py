@@ -42,7 +42,7 @@ def _without_context(graph: GraphSpec, places: Mapping[object, str]) -> Iterator
         wired = {wire.target.port for wire in graph.wires_into(node.role)}
         port = f"{INPUT}{_CONTEXT}"
         if node.type.role and port in node.type.ports and port not in wired:
-            message = "nothing is wired to it: the domain is that of ROS_DOMAIN_ID"
+            message = "it is not connected: the domain is that of ROS_DOMAIN_ID"
             place = next(iter(places.values()))
             yield LabFault(file_of(graph), f"{node.role}: {_CONTEXT}", message, place, "warning")
 

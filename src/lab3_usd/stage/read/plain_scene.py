@@ -43,7 +43,7 @@ class PlainScene(Struct, frozen=True):
 
 @quiet()
 def read_plain_scene(path: Path, without: Collection[str]) -> PlainScene:
-    """Read a scene but for the prims at and below the paths `without`.
+    """Read a scene except for the prims at and below the paths `without`.
 
     Raises:
         StageError: the stage cannot be read.
