@@ -91,3 +91,36 @@ def test_a_literal_of_what_is_not_set_is_refused(tmp_path: Path) -> None:
     folder = changed(copied(tmp_path / "lab"), {"literal": True, "set": {}})
     with pytest.raises(SpecError, match="size: literal: inputs:value is not set here"):
         load_lab(folder)
+
+
+def with_second_driver(folder: Path) -> Path:
+    """Put an optional milestone, whose graph commands the wheels as well, before the last one."""
+    graph = quick_yaml.load((folder / "ROS_Drive.yaml").read_text())
+    graph |= {"graph": "Push", "path": "/turtlebot3_burger/Push"}
+    graph["nodes"]["ros2_subscribe_twist"]["set"]["C5"]["topicName"] = "/push"
+    (folder / "Push.yaml").write_text(quick_yaml.dump(graph))
+    points = quick_yaml.load((folder / "checkpoints.yaml").read_text())
+    *before, last = points["checkpoints"].items()
+    push = {"name": "push", "title": "Push", "part": "C", "optional": True}
+    points["checkpoints"] = dict([*before, ("04b", push | {"adds": {"graphs": ["Push"]}}), last])
+    (folder / "checkpoints.yaml").write_text(quick_yaml.dump(points))
+    return folder
+
+
+@pytest.mark.parametrize(("place", "told"), [("Push", []), ("Shove", ["N12"])])
+def test_what_an_optional_milestone_commands_is_no_second_driver(
+    tmp_path: Path, place: str, told: list[str]
+) -> None:
+    folder = with_second_driver(copied(tmp_path / "lab"))
+
+    def did_the_optional_one(layer: Sdf.Layer) -> None:
+        built = (folder.parent / "built").glob("*04b*")
+        pushed = Sdf.Layer.FindOrOpen(str(next(built)))
+        text = (
+            pushed.ExportToString().replace('"Push"', f'"{place}"').replace("/Push/", f"/{place}/")
+        )
+        other = Sdf.Layer.CreateAnonymous(".usda")
+        other.ImportFromString(text)
+        Sdf.CopySpec(other, f"/turtlebot3_burger/{place}", layer, f"/turtlebot3_burger/{place}")
+
+    assert [rule for rule, _ in found(folder, did_the_optional_one)] == told

@@ -213,7 +213,7 @@ def second_commanders(subject: RobotSubject) -> Iterator[tuple[Node, str]]:
     """Yield each running node that commands the wheels beside the lab's own, with the latter.
 
     A node that tells them the same as the lab's own is left out: one with the same inputs, or in
-    a copy of the graph.
+    a copy of the graph. So is one of an earlier checkpoint that may be left out.
     """
     stage, lab, roles = subject.stage, subject.lab, subject.roles
     live, running = live_nodes(stage), running_nodes(stage)
@@ -221,8 +221,10 @@ def second_commanders(subject: RobotSubject) -> Iterator[tuple[Node, str]]:
     own = {
         path: name for name, players in roles.items() for path in players.role_of if path in driving
     }
+    added = lab.added_until(subject.checkpoint.id).difference(roles)
+    places = {lab.graphs[name].path for name in added if name in lab.graphs}
     for path, node in driving.items() if own else ():
-        if path not in running:
+        if path not in running or path.rpartition("/")[0] in places:
             continue
         is_stand_in = any(path in players.equivalents for players in roles.values())
         if path in own or is_stand_in or not _commands_wheels(node, subject, live):
