@@ -26,7 +26,8 @@ INTRODUCTION = """\
 Every key of every file, with an example, or its type where no example exists: `[text]` is a list,
 `{name: number}` a mapping with names of yours, `|` separates alternatives. A **key** in bold is
 required. Another one has its default after `=`, else it is empty or off. Most records also have a
-`handout`, the section that asks for it. Lengths are metres, angles degrees, masses kilograms.
+`handout`, the section that asks for it. Lengths are metres, angles degrees, masses kilograms;
+only values by the names that USD has for them, as under `set`, are as USD has them.
 `lab3 lab schema FILE` prints the complete JSON schema. [The guide](authors.md) shows how to make a
 lab.
 """

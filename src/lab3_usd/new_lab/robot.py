@@ -273,7 +273,7 @@ def describe_joints(
             described[joint.name] = {
                 "type": joint.type,
                 "links": [first, second],
-                **dict(_motion(joint)),
+                **dict(_motion(joint, stage.meters_per_unit)),
                 "handout": PART,
             }
     return described
@@ -285,15 +285,19 @@ def _link_at(end: str, root: str, links: Iterable[str]) -> str | None:
     return max(holding, key=len, default=None) if end else ""
 
 
-def _motion(joint: Prim) -> Iterator[tuple[str, Any]]:
-    """Yield the axis of a joint of one axis, its limits, and what is set of its drive."""
+def _motion(joint: Prim, metres: float) -> Iterator[tuple[str, Any]]:
+    """Yield the axis of a joint of one axis, its limits, and what is set of its drive.
+
+    Limits are degrees, or units of the stage, which are so many `metres`.
+    """
     kind = DRIVEN_AXES.get(joint.type)
     if kind is None:
         return
     yield "axis", str(joint.attributes.get(AXIS, USUAL_AXIS))
     low, high = (number(joint.attributes.get(name)) for name in LIMITS)
     if low is not None and high is not None and math.isfinite(low) and math.isfinite(high):
-        yield "limits", [as_typed(low), as_typed(high)]
+        unit = metres if kind == "linear" else 1.0
+        yield "limits", [as_typed(low * unit), as_typed(high * unit)]
     for key, name in (
         ("stiffness", "stiffness"),
         ("damping", "damping"),

@@ -154,8 +154,10 @@ def _is_of_wheels(end: str, link: str, robot: RobotSpec) -> bool:
 
 
 def _limits(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[JointFault]:
-    for key, word, wanted in zip(LIMITS, ("lower", "upper"), spec.limits or (), strict=False):
-        actual = number(prim.attributes.get(key))
+    is_angle = DRIVEN_AXES.get(spec.type) != "linear"
+    unit = 1.0 if is_angle else subject.stage.meters_per_unit
+    for key, word, limit in zip(LIMITS, ("lower", "upper"), spec.limits or (), strict=False):
+        actual, wanted = number(prim.attributes.get(key)), limit / unit
         if not _same(actual, wanted, subject):
             found = "not set" if actual is None else f"{actual:g}"
             text = f"the {word} limit of {name} is {found}, expected {wanted:g}"
