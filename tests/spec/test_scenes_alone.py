@@ -112,3 +112,65 @@ def test_a_floor_that_faces_z_carries_nothing_with_y_up(theatre: Path) -> None:
     opened.Save()
     findings = check_stage(theatre, "hall", load_lab(theatre.parent / "lab")).findings
     assert [finding.rule for finding in findings] == ["S13"]
+
+
+def test_what_a_later_stage_adds_is_listed_and_what_it_removes_is_described(hall: Path) -> None:
+    later = hall.with_name("hall_2.usda")
+    stage = Usd.Stage.Open(str(hall))
+    stage.RemovePrim("/Hall/Lamp")
+    stage.DefinePrim("/Hall/Rack/Board", "Cube")
+    stage.DefinePrim("/Hall/Rack", "Xform")
+    stage.Export(str(later))
+    first = hall.rename(hall.with_name("hall_1.usda"))
+    told = invoke("lab", "new", hall.parent / "two", first, later).output
+    assert "left out: scene.yaml: props: /Hall/Rack, which comes with checkpoint 2" in told
+    lab = load_lab(hall.parent / "two")
+    assert lab.checkpoints["2"].removed == ("/Hall/Lamp",)
+    assert not lab.checkpoints["2"].topics
+
+
+LIFT = """#usda 1.0
+(
+    defaultPrim = "Hall"
+    metersPerUnit = 0.01
+    kilogramsPerUnit = 1
+    upAxis = "Z"
+)
+def Xform "Hall"
+{
+    def Xform "Lift" (prepend apiSchemas = ["PhysicsArticulationRootAPI"])
+    {
+        def Xform "base" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+        {
+            float physics:mass = 5
+        }
+        def Xform "fork" (prepend apiSchemas = ["PhysicsRigidBodyAPI", "PhysicsMassAPI"])
+        {
+            float physics:mass = 2
+        }
+        def PhysicsPrismaticJoint "rise"
+        {
+            rel physics:body0 = </Hall/Lift/base>
+            rel physics:body1 = </Hall/Lift/fork>
+            uniform token physics:axis = "Z"
+            float physics:lowerLimit = 0
+            float physics:upperLimit = 40
+        }
+    }
+}
+"""
+
+
+def test_a_way_is_described_in_metres_whatever_the_unit_of_the_stage(tmp_path: Path) -> None:
+    path = tmp_path / "lift.usda"
+    path.write_text(LIFT)
+    invoke("lab", "new", tmp_path / "lab", path)
+    lab = load_lab(tmp_path / "lab")
+    assert lab.scene.robot.joints["rise"].limits == (0.0, 0.4)
+    stage = Usd.Stage.Open(str(path))
+    messages = [each.message for each in check_stage(path, "lift", lab).findings]
+    assert messages == []
+    stage.GetPrimAtPath("/Hall/Lift/rise").GetAttribute("physics:upperLimit").Set(0.4)
+    stage.Save()
+    messages = [each.message for each in check_stage(path, "lift", lab).findings]
+    assert messages == ["the upper limit of rise is 0.4, expected 40"]

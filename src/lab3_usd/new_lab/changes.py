@@ -2,13 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from msgspec.structs import replace
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.model.stage import GraphModel, Node
+from lab3_usd.model.prims import is_at_or_below
+from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.new_lab.graphs import GraphText, describe_graph
 from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.lab import SCENE, Lab
@@ -32,6 +33,46 @@ def optional_stages(graphs: Sequence[Mapping[str, GraphModel]]) -> tuple[int, ..
         else:
             known |= held.keys()
     return tuple(found)
+
+
+def removed_prims(
+    stages: Sequence[StageModel], optional: Collection[int]
+) -> dict[int, tuple[str, ...]]:
+    """Return the supplied prims that a stage has no more, nor any later one, by its number."""
+    required = [number for number in range(len(stages)) if number not in optional]
+    found: dict[int, tuple[str, ...]] = {}
+    gone = [path for path in _present(stages[0]) if not _is_in(stages[-1], path)]
+    for path in gone:
+        if path.rpartition("/")[0] in gone:
+            continue
+        first = next(
+            n for n in required if not any(_is_in(stages[m], path) for m in required if m >= n)
+        )
+        found[first] = (*found.get(first, ()), path)
+    return found
+
+
+def added_prims(
+    stages: Sequence[StageModel], ids: Sequence[str], described: Collection[str]
+) -> Iterator[str]:
+    """Say of each stage but the first which prims it adds that the lab does not describe."""
+    for before, stage, id_ in zip(stages, stages[1:], ids[1:], strict=False):
+        new = [path for path in _present(stage) if not _is_in(before, path)]
+        own = [path for path in new if not any(is_at_or_below(path, each) for each in described)]
+        tops = [path for path in own if path.rpartition("/")[0] not in own]
+        if tops:
+            others = f" and {len(tops) - 1} more" if tops[1:] else ""
+            verb = "come" if tops[1:] else "comes"
+            yield f"{SCENE}: props: {tops[0]}{others}, which {verb} with checkpoint {id_}"
+
+
+def _present(stage: StageModel) -> list[str]:
+    return [path for path in stage.prims if _is_in(stage, path)]
+
+
+def _is_in(stage: StageModel, path: str) -> bool:
+    prim = stage.prim(path)
+    return prim is not None and prim.present
 
 
 def with_changes(

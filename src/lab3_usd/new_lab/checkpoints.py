@@ -158,11 +158,12 @@ class Step(Struct, frozen=True):
     frames: bool = False
     topics: bool = False
     optional: bool = False
+    removes: tuple[str, ...] = ()
 
     @property
     def is_new(self) -> bool:
         """Whether the stage holds more than the one before."""
-        return bool(self.graphs or self.sensors or self.frames)
+        return bool(self.graphs or self.sensors or self.frames or self.removes)
 
     @property
     def data(self) -> dict[str, Any]:
@@ -177,7 +178,9 @@ class Step(Struct, frozen=True):
         if self.topics:
             adds["topics"] = True
         optional = {"optional": True} if self.optional else {}
-        return {"name": self.name, "title": self.title, "part": self.part, **optional, "adds": adds}
+        removes = {"removes": list(self.removes)} if self.removes else {}
+        named = {"name": self.name, "title": self.title, "part": self.part}
+        return {**named, **optional, "adds": adds, **removes}
 
 
 def describe_steps(
@@ -211,12 +214,17 @@ def steps_of_stages(
     sensors: Sequence[Sequence[str]],
     has_tree: Sequence[bool],
     optional: Collection[int] = (),
+    *,
+    removed: Mapping[int, tuple[str, ...]],
+    speaks: bool = True,
 ) -> tuple[Step, ...]:
     """Return a checkpoint for each stage: `graphs` and `sensors` are those that it holds by name.
 
+    `removed` are the paths of supplied prims that it has no more, by its number.
+
     The TF tree is asked for from the first stage on that has it. A stage that is like the one
-    before is handed in to show the topics of the running system. On the stages whose numbers are
-    `optional` no later one builds.
+    before is handed in to show the topics of the running system, which it `speaks` on. On the
+    stages whose numbers are `optional` no later one builds.
     """
     steps: list[Step] = []
     before = 0
@@ -226,7 +234,9 @@ def steps_of_stages(
         has_frames = has_tree[number] and not any(step.frames for step in steps)
         title = _title(name) if not name.isdigit() else ", ".join(map(_title, new)) or _STARTER
         step = Step(id_, name, title, part_letter(number), new, added, has_frames)
-        has_topics = bool(number) and not step.is_new and not any(s.topics for s in steps)
+        step = replace(step, removes=removed.get(number, ()))
+        is_shown = any(earlier.topics for earlier in steps)
+        has_topics = speaks and bool(number) and not step.is_new and not is_shown
         steps.append(replace(step, topics=has_topics, optional=number in optional))
         before = before if number in optional else number
     return tuple(steps)

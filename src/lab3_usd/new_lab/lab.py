@@ -21,7 +21,9 @@ from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import GraphModel, StageModel
 from lab3_usd.new_lab.changes import (
+    added_prims,
     optional_stages,
+    removed_prims,
     steady_scene,
     steady_sensors,
     with_changes,
@@ -130,6 +132,8 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
     above = {parent for graph in graphs for parent in [*upwards(graph.path)][1:]}
     made = [parent for parent in above if holds_graphs_alone(sources[0].stage, parent)]
     starter = describe_starter(paths[0], parts.lab, made)
+    described = {*made, *(graph.path for source in sources for graph in source.stage.graphs)}
+    described |= {sensor.path for sensor in parts.lab.sensors.values()}
     files = _files(sources[-1], parts, steps, lab.platform)
     return Description(
         files={**files, **({STARTER: starter.text} if starter.text else {})},
@@ -137,6 +141,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
         left_out=(
             *(line for text in parts.texts for line in text.left_out),
             *parts.differing,
+            *added_prims([source.stage for source in sources], parts.names.ids, described),
             *dict.fromkeys(parts.outside),
             *filter(None, (starter.reason,)),
         ),
@@ -276,6 +281,8 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
         ],
         [parts.has_frames and edges >= published[-1] for edges in published],
         parts.optional,
+        removed=removed_prims([source.stage for source in sources], parts.optional),
+        speaks=any(graph_topics(parts.lab)),
     )
 
 
