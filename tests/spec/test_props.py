@@ -45,6 +45,7 @@ props:
     targets: {"material:binding": [/Hall/Looks/Steel]}
     set: {"semantics:labels:class": {type: "token[]", value: [rack]}}
     from: furnished
+  bench: {path: /Hall/Bench, handout: B1, asset: props/bench.usda, resolved: true, from: furnished}
   lamp:
     path: /Hall/Lamp
     type: SphereLight
@@ -63,6 +64,7 @@ def furnished(stage: Usd.Stage) -> None:
         rack.AddAppliedSchema("MaterialBindingAPI")
         rack.CreateRelationship("material:binding").SetTargets([Sdf.Path("/Hall/Looks/Steel")])
         rack.CreateAttribute("semantics:labels:class", Sdf.ValueTypeNames.TokenArray).Set(["rack"])
+    stage.DefinePrim("/Hall/Bench", "Xform").GetReferences().AddReference("./props/bench.usda")
     lamp = stage.DefinePrim("/Hall/Lamp", "SphereLight")
     lamp.CreateAttribute("inputs:intensity", Sdf.ValueTypeNames.Float).Set(900.0)
 
@@ -70,6 +72,10 @@ def furnished(stage: Usd.Stage) -> None:
 @pytest.fixture
 def folder(tmp_path: Path) -> Path:
     """A lab of two milestones whose second one furnishes the hall, and its solutions."""
+    (tmp_path / "props").mkdir()
+    for name in ("bench", "shelf"):
+        text = '#usda 1.0\n(defaultPrim = "A")\ndef Xform "A" {}\n'
+        (tmp_path / "props" / f"{name}.usda").write_text(text)
     for name in ("empty", "furnished"):
         (tmp_path / f"hall_{name}.usda").write_text(HALL)
     stage = Usd.Stage.Open(str(tmp_path / "hall_furnished.usda"))
@@ -98,6 +104,30 @@ def test_the_solutions_pass(folder: Path, name: str) -> None:
     assert found(folder, name, lambda _: None) == []
 
 
+def bound_above(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath(RACK).RemoveProperty(BINDING)
+    stage.GetPrimAtPath("/Hall").CreateRelationship(BINDING).SetTargets(["/Hall/Looks/Steel"])
+
+
+def test_a_material_may_be_bound_above(folder: Path) -> None:
+    assert found(folder, "furnished", bound_above) == []
+
+
+def refers_to(asset: str) -> Change:
+    def change(stage: Usd.Stage) -> None:
+        references = stage.GetPrimAtPath("/Hall/Bench").GetReferences()
+        references.ClearReferences()
+        references.AddReference(asset)
+
+    return change
+
+
+def test_an_asset_of_the_right_name_that_is_not_there_is_said_once(folder: Path) -> None:
+    change = refers_to("./lost/props/bench.usda")
+    told = [each for each in found(folder, "furnished", change) if each[0] == "S36"]
+    assert told == [("S36", "/Hall/Bench", None)]
+
+
 def without(path: str) -> Change:
     return lambda stage: stage.RemovePrim(path)
 
@@ -122,6 +152,8 @@ MISTAKES: dict[str, tuple[Change, tuple[str, str, str | None]]] = {
         lambda s: s.GetPrimAtPath("/Hall/Lamp").SetTypeName("DiskLight"),
         ("S36", "/Hall/Lamp", None),
     ),
+    "another asset": (refers_to("./props/shelf.usda"), ("S36", "/Hall/Bench", None)),
+    "an asset of another folder": (refers_to("./bench.usda"), ("S36", "/Hall/Bench", None)),
     "no lamp": (without("/Hall/Lamp"), ("S36", "/Hall/Lamp", None)),
     "another material": (bound_to("/Hall/Looks/Wood"), ("S36", RACK, BINDING)),
     "no schema": (
@@ -143,8 +175,8 @@ MISTAKES: dict[str, tuple[Change, tuple[str, str, str | None]]] = {
 @pytest.mark.parametrize("mistake", MISTAKES)
 def test_each_mistake_is_found_once(folder: Path, mistake: str) -> None:
     change, expected = MISTAKES[mistake]
-    rack_three = [each for each in found(folder, "furnished", change) if each[1] != "/Hall/Rack_3"]
-    assert rack_three == [expected]
+    told = [each for each in found(folder, "furnished", change) if each[0] != "F02"]
+    assert told == [expected]
 
 
 def test_what_a_milestone_adds_is_built(folder: Path) -> None:
@@ -153,6 +185,10 @@ def test_what_a_milestone_adds_is_built(folder: Path) -> None:
     assert made.exit_code == 0, made.output
     stage = Usd.Stage.Open(str(out / "hall_furnished.usda"))
     assert stage.GetPrimAtPath("/Hall/Lamp").GetAttribute("inputs:intensity").Get() == 900.0
+    for number in (1, 2):
+        rack = stage.GetPrimAtPath(f"/Hall/Rack_{number}")
+        assert rack.GetAttribute(LABELS).Get() == ["rack"]
+    assert "@props/bench.usda@" in (out / "hall_furnished.usda").read_text()
 
 
 def test_what_a_milestone_adds_is_no_change_of_the_starter(folder: Path) -> None:

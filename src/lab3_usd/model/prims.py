@@ -35,7 +35,8 @@ class Prim(Struct, eq=False):
     `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
     `attributes` holds the values that rules ask about, `relationships` their targets. `local`
     and `world` are transforms in stage units, None where the prim has no place. One that is
-    `placeless` is no Xformable: it stands where its parent does, and is no body.
+    `placeless` is no Xformable: it stands where its parent does, and is no body. `assets` are what
+    it refers to, as layers name it.
 
     `read` reads the fields that `unread` left out: it is called with the prim and the name of the
     first of them that is asked for, and sets at least that one.
@@ -51,6 +52,7 @@ class Prim(Struct, eq=False):
     relationships: Mapping[str, tuple[str, ...]] = field(default_factory=dict)
     local: Matrix | None = None
     world: Matrix | None = None
+    assets: tuple[str, ...] = ()
     read: Callable[[Prim, str], None] | None = None
 
     @classmethod
@@ -67,7 +69,7 @@ class Prim(Struct, eq=False):
     ) -> Prim:
         """Return a prim whose values and place are read when they are asked for."""
         prim = cls(path, type_name, apis, active, defined, placeless, read=read)
-        del prim.attributes, prim.relationships, prim.local, prim.world
+        del prim.attributes, prim.relationships, prim.local, prim.world, prim.assets
         return prim
 
     def __getattr__(self, name: str) -> Any:

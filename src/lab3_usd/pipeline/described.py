@@ -43,7 +43,7 @@ def described_faults(lab: Lab) -> Iterator[LabFault]:
         known: set[tuple[str, str | None]] = set()
         for path, point in plan.items():
             found = [*check_stage(path, point.id, lab).findings]
-            found = [finding for finding in found if finding.severity != "note"]
+            found = [f for f in found if f.severity != "note" and not _wants_asset(f, point, lab)]
             if point in whole:
                 found += _linted(path, lab)
             for finding in found:
@@ -51,6 +51,13 @@ def described_faults(lab: Lab) -> Iterator[LabFault]:
                 if place not in known:
                     known.add(place)
                     yield _fault(finding, point, lab)
+
+
+def _wants_asset(finding: Finding, point: Checkpoint, lab: Lab) -> bool:
+    """Whether a finding is of what a thing refers to, which lies beside the stages of students."""
+    props = (prop for prop in lab.props_at(point).values() if prop.asset and prop.resolved)
+    is_prop = any(prop.stands_at(finding.prim) for prop in props)
+    return is_prop and finding.rule == "S36" and finding.expected is None
 
 
 def _linted(path: Path, lab: Lab) -> Iterator[Finding]:

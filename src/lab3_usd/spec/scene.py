@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from functools import cached_property
 from typing import Annotated, Any, ClassVar, Literal
@@ -107,8 +107,8 @@ class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class JointSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A joint of the robot that turns no wheel, by its name.
 
-    It ties two links, '' for the world. `limits` and the values of its drive are as the editor
-    shows them: of a revolute joint for degrees, of a prismatic one for units of the stage.
+    It ties two links, '' for the world. `limits` are degrees of a revolute joint, metres of a
+    prismatic one; the values of its drive are as the editor shows them.
     """
 
     handout: str
@@ -368,8 +368,9 @@ class PropSpec(
 
     They have `apis`, `targets` and values (`set`, as USD has them): `racks: {path: /Hall/Rack_*,
     count: 4, apis: ["SemanticsLabelsAPI:class"], targets: {"material:binding": [/Hall/Steel]}, set:
-    {"semantics:labels:class": {type: "token[]", value: [rack]}}}`. What they refer to can be found
-    if they are `resolved`. Those `from` a checkpoint on `build` makes, where the path has no `*`.
+    {"semantics:labels:class": {type: "token[]", value: [rack]}}}`. They refer to the `asset`, named
+    by the end of its path (`props/rack.usd`), which can be found if they are `resolved`. A material
+    may be bound above them. `build` makes those `from` a checkpoint on, or completes what is there.
     """
 
     path: str
@@ -379,13 +380,27 @@ class PropSpec(
     apis: tuple[str, ...] = ()
     targets: Mapping[str, tuple[str, ...]] = {}
     values: Mapping[str, Any] = {}
+    asset: str = ""
     resolved: bool = False
     since: str = ""
+
+    def refers(self, assets: Iterable[str]) -> bool:
+        """Whether one of these is the asset."""
+        asked = self.asset.removeprefix("./")
+        return any(f"/{asset}".endswith(f"/{asked}") for asset in assets)
 
     def stands_at(self, path: str) -> bool:
         """Whether a prim is one of them: `*` stands for letters of one name."""
         pattern, names = self.path.split("/"), path.split("/")
         return len(pattern) == len(names) and all(map(fnmatchcase, names, pattern))
+
+    def places(self, there: Iterable[str]) -> tuple[str, ...]:
+        """Return the paths of the things: those that are there, and numbered ones up to `count`."""
+        found = [path for path in there if self.stands_at(path)]
+        numbers = range(1, 1 + (self.count or (0 if found else 1)))
+        made = (self.path.replace("*", str(number)) for number in numbers)
+        free = [path for path in dict.fromkeys(made) if path not in found]
+        return (*found, *free[: len(free) if self.count is None else self.count - len(found)])
 
     @property
     def plain_values(self) -> dict[str, Any]:

@@ -38,7 +38,7 @@ _ATTRIBUTES = re.compile(
 )
 # Prims whose place matters even if they are no rigid bodies, beside the lab's sensors.
 _PLACED = ("Xform", "Camera", "Plane", "Cylinder", "Capsule", "")
-_PLACE = ("local", "world")
+_PLACE, _ASSETS = ("local", "world"), "assets"
 _PROTOTYPE = "/__Prototype_"
 # Paths that need no look by usd-core to be known as those of prims.
 _PLAIN_PATH = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
@@ -84,7 +84,9 @@ class PrimReader:
         """
         with stage_errors(self.name):
             source = prim_at(self.stage, prim.path)
-            if name not in _PLACE:
+            if name == _ASSETS:
+                prim.assets = tuple(dict.fromkeys(_referred(source)))
+            elif name not in _PLACE:
                 self._read_values(source, prim)
             elif source and (prim.type in self.placed or RIGID_BODY in prim.apis):
                 prim.local, prim.world = self.transforms.of(source, prim.path)
@@ -105,6 +107,14 @@ class PrimReader:
             elif targets := authored.targets():
                 relationships[name] = targets
         prim.attributes, prim.relationships = attributes, relationships
+
+
+def _referred(prim: Usd.Prim) -> Iterator[str]:
+    """Yield the files that references and payloads of a prim name, found or not."""
+    for spec in prim.GetPrimStack():
+        for key in ("references", "payload"):
+            listed = spec.GetInfo(key)
+            yield from (item.assetPath for item in listed.GetAppliedItems() if item.assetPath)
 
 
 class PrimIndex(Struct, frozen=True):

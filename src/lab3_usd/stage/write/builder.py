@@ -222,21 +222,27 @@ def _checkpoint_layers(
 def _author_props(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint) -> None:
     """Make the things that come with a checkpoint and have a path of their own."""
     props = lab.props_at(checkpoint).values()
-    new = [prop for prop in props if prop.since == checkpoint.id and "*" not in prop.path]
-    stage = Usd.Stage.Open(layer) if new else None
+    new = [prop for prop in props if prop.since == checkpoint.id]
+    if not new:
+        return
+    stage = Usd.Stage.Open(layer)
     for prop in new:
         values = (
             (name, v if isinstance(v, Mapping) else {"value": v}) for name, v in prop.values.items()
         )
         attributes = tuple(AttributeSpec(n, v["value"], v.get("type")) for n, v in values)
-        spec = PrimSpec(
-            prop.path,
-            prop.type or "Xform",
-            apis=prop.apis,
-            attributes=attributes,
-            targets=tuple(prop.targets.items()),
-        )
-        write_prim(stage, spec, lab.scene.stage.meters_per_unit)
+        for path in prop.places([str(prim.GetPath()) for prim in stage.TraverseAll()]):
+            known = stage.GetPrimAtPath(path)
+            spec = PrimSpec(
+                path,
+                prop.type or (known.GetTypeName() if known else "Xform"),
+                apis=prop.apis,
+                attributes=attributes,
+                targets=tuple(prop.targets.items()),
+            )
+            write_prim(stage, spec, lab.scene.stage.meters_per_unit)
+            if prop.asset:
+                stage.GetPrimAtPath(path).GetReferences().AddReference(prop.asset)
 
 
 def _remove(layer: Sdf.Layer, stage: Usd.Stage, path: str) -> None:
