@@ -106,6 +106,13 @@ def test_gravity_is_in_units_of_the_stage(theatre: Path) -> None:
     assert gravity(theatre, (0, -1, 0), 0.5) == [("S15", "981")]
 
 
+def test_a_wrong_unit_is_said_alone_whatever_gravity_is_in_it(theatre: Path) -> None:
+    opened = Usd.Stage.Open(str(theatre))
+    UsdGeom.SetStageMetersPerUnit(opened, 1.0)
+    opened.Save()
+    assert gravity(theatre, (0, -1, 0), 981.0) == [("S02", "0.01")]
+
+
 def test_a_floor_that_faces_z_carries_nothing_with_y_up(theatre: Path) -> None:
     opened = Usd.Stage.Open(str(theatre))
     UsdGeom.Plane(opened.GetPrimAtPath("/Hall/Floor")).GetAxisAttr().Set("Z")

@@ -69,7 +69,8 @@ def gravity_faults(subject: RobotSubject) -> Iterator[Problem]:
             metres = subject.lab.scene.stage.meters_per_unit
             right, unit = f"{_EARTH / metres:g}", "m" if metres == 1.0 else f"of {metres:g} m"
             message = f"gravity is {strength}, expected about {right} {unit}/s²"
-            yield Problem(scene.path, message, GRAVITY, right, strength)
+            unit_said = (("/", "metersPerUnit"),)
+            yield Problem(scene.path, message, GRAVITY, right, strength, assumes=unit_said)
         elif slant(scene.attributes, subject.lab.scene.stage.up_axis) > TILT:
             actual = vector_text(vector(scene.attributes.get(GRAVITY_DIRECTION)))
             right = vector_text(down(subject.lab.scene.stage.up_axis))

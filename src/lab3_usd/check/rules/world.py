@@ -230,7 +230,6 @@ def physics_scene(subject: RobotSubject) -> Iterator[Problem]:
             wrong,
             handout=part.handout,
             related=(*usual, *wrong.related),
-            assumes=(*wrong.assumes, ("/", "metersPerUnit")),
             fix=tuple(Restore(*site.split(".")) for site in sites),
             unmet=(_SCENE,),
         )
