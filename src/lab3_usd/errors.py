@@ -104,6 +104,16 @@ def unwritten(place: object, error: OSError, kind: type[Lab3Error] = UsageError)
     return raised(f"{place} cannot be written ({error.strerror})")
 
 
+def signal_name(number: int) -> str:
+    """Return the name of a signal; real-time signals have none, and are called by their number."""
+    import signal
+
+    try:
+        return signal.Signals(number).name
+    except ValueError:
+        return f"signal {number}"
+
+
 class EndedBySignalError(KeyboardInterrupt):
     """A signal asked the program to end, which first cleans up behind itself."""
 

@@ -18,6 +18,8 @@ from multiprocessing.connection import Connection, wait
 from multiprocessing.process import BaseProcess
 from typing import Any, NamedTuple, TypeVar
 
+from lab3_usd.errors import signal_name
+
 _Work = TypeVar("_Work")
 _Answer = TypeVar("_Answer")
 # macOS has threads of its own in a process, which a fork breaks; Windows cannot fork.
@@ -138,7 +140,7 @@ def _answer(
         process.process.kill()
         process.process.join()
         code = process.process.exitcode or 0
-        reason = signal.Signals(-code).name if code < 0 else f"exit status {code}"
+        reason = signal_name(-code) if code < 0 else f"exit status {code}"
         return (ended(work, reason),)
     return answer
 

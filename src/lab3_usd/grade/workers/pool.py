@@ -211,12 +211,10 @@ def run_in(
     tasks: Iterable[Task],
     at_once: int,
     stop: Callable[[], None] = lambda: None,
-    look: Callable[[], None] = lambda: None,
 ) -> Generator[Answer]:
     """Submit tasks to an executor, `at_once` at a time, and yield answers as they come.
 
-    `stop` is called by the signals that interrupt the run, `look` while no answer comes; what it
-    raises ends the run.
+    `stop` is called by the signals that interrupt the run.
     """
     waiting = iter(tasks)
     with interrupted_by_signals(stop) as interrupt:
@@ -226,8 +224,6 @@ def run_in(
             with interrupt.put_off():
                 done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
                 pending.update(submit(task) for task in islice(waiting, len(done)))
-            if not done:
-                look()
             for future in done:
                 yield future.result()
 

@@ -18,7 +18,7 @@ from typing import IO, NamedTuple, NoReturn, TypeVar
 from msgspec import Struct
 
 from lab3_usd.data import LAB_VARIABLE, PACKAGE
-from lab3_usd.errors import Lab3Error
+from lab3_usd.errors import Lab3Error, signal_name
 from lab3_usd.grade.awake import AwakeClock
 from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
@@ -68,10 +68,7 @@ def how_it_ended(process: subprocess.Popen[bytes], memory: int, seconds: float) 
     if not ended:
         return ProcessEnd(CLOSED)
     status, peak, processor = _figures(process)
-    try:
-        name = signal.Signals(-status).name
-    except ValueError:
-        name = f"signal {-status}"
+    name = signal_name(-status)
     if name == _OUT_OF_TIME:
         return ProcessEnd(OUT_OF_TIME, processor=processor)
     if peak > memory:
