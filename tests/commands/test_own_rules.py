@@ -122,7 +122,7 @@ def test_an_installed_package_brings_rules(
 
 def test_its_manual_is_a_page_like_others(trusted: tuple[str, Path]) -> None:
     page = lab3("rule", "ACME01", *trusted).stdout
-    assert page.startswith("ACME01 topic-with-capitals (warning, rules of one's own)\n")
+    assert page.startswith("ACME01 topic-with-capitals (warning, custom rules)\n")
     assert "Why: our launch files know lower-case names only." in page
     assert "ACME01" in lab3("rules", "--all", *trusted).stdout
     assert "ACME01" not in all_rules()

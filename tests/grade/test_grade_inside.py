@@ -83,9 +83,7 @@ def test_the_starter_stands_in_for_a_sublayer_that_was_not_handed_in(
         found[name] = judged(course, folder, tmp_path / name)
     assert found[given]["verdicts"] == {"01": "pass"}
     (remark,) = (text for text in found[given]["remarks"] if given in text)
-    assert remark.endswith(
-        f"./supplied/{given} was not handed in; the grader's file stands in for it"
-    )
+    assert remark.endswith(f"./supplied/{given} was not submitted; the grader's file replaces it")
     assert found["other.usda"]["verdicts"] == {"01": "fail"}
 
 

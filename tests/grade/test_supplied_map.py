@@ -78,7 +78,7 @@ def test_the_table_says_of_each_map_how_far_it_is_the_supplied_one(place: Path) 
     assert remarks["same"] == ""
     assert remarks["touched"] == f"maps/{IMAGE}: map has 99% {share}"
     assert remarks["other"] == f"maps/{IMAGE}: map has 22% {share}"
-    assert remarks["none"].startswith(f"{MAP}: map is not handed in")
+    assert remarks["none"].startswith(f"{MAP}: map was not submitted")
     assert "map" not in remarks["early"]
 
 

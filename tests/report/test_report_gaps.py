@@ -85,19 +85,19 @@ def test_a_line_of_jsonl_has_the_gap() -> None:
         (NodeCoverage(), "there are no graph nodes to judge"),
         (
             NodeCoverage(nodes=4, waiting={"a.usd": 1}),
-            "1 of 4 nodes not judged (1 waits for a.usd)",
+            "1 of 4 nodes not judged (1 needs a.usd)",
         ),
         (
             NodeCoverage(nodes=9, waiting={"a": 1, "b": 4}, unknown={"x.Y": 1}),
-            "6 of 9 nodes not judged (4 wait for b, 1 waits for a; 1 has the unknown type x.Y)",
+            "6 of 9 nodes not judged (4 need b, 1 needs a; 1 has the unknown type x.Y)",
         ),
         (
             NodeCoverage(nodes=2, partly={"a.usd": 2}),
-            "2 nodes judged in part (2 wait for a.usd)",
+            "2 nodes only partly checked (2 need a.usd)",
         ),
         (
             NodeCoverage(nodes=9, waiting={"a": 5, "b": 1, "c": 1, "d": 1, "e": 1}),
-            "9 of 9 nodes not judged (5 wait for a, 1 waits for b, 1 waits for c, 2 more)",
+            "9 of 9 nodes not judged (5 need a, 1 needs b, 1 needs c, 2 more)",
         ),
     ],
 )

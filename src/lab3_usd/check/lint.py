@@ -109,4 +109,4 @@ def _gaps(
     if not graphs and missing_parts and not any(graph.active for graph in subject.graphs()):
         assets = sorted({missing.asset for missing in missing_parts})
         more = f" and {len(assets) - 1} more" if len(assets) > 1 else ""
-        yield f"no graph, unless in a missing asset: {assets[0]}{more}"
+        yield f"the stage has no graph of its own; one may be in a missing asset: {assets[0]}{more}"

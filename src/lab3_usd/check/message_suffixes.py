@@ -18,7 +18,7 @@ from lab3_usd.model.stage import Node, same_value
 from lab3_usd.spec.graph import GraphSpec, Setting, Wire
 
 _THE_NODE = "the node"
-_HARMLESS = "; the robot may drive all the same"
+_HARMLESS = "; the robot may still drive"
 
 
 def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> Iterator[Finding]:

@@ -346,7 +346,7 @@ def own_rules_removed_on_exit() -> Iterator[None]:
 
 def families() -> dict[str, str]:
     """Return what the rules of each family are about, by its letters, in the order of lists."""
-    own = {known.family: "rules of one's own" for known in own_rules().values()}
+    own = {known.family: "custom rules" for known in own_rules().values()}
     return {**FAMILIES, **own}
 
 

@@ -45,7 +45,7 @@ class Demo(Struct, frozen=True):
 @click.argument("folder", metavar="[DIR]", default=".", type=OutputFolder(path_type=Path))
 @click.option("--force", is_flag=True, help="Replace files that exist.")
 def command(folder: Path, *, force: bool) -> None:
-    """Make stages to try the program on.
+    """Write example stages to try the program with.
 
     DIR/tour gets the first correct stages of the lab, DIR/mine a copy of the last of them with four
     common mistakes, and DIR itself a robot that belongs to no lab.

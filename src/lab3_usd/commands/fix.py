@@ -242,7 +242,11 @@ def _line(finding: Finding) -> str:
     metavar="RELEASE",
     help="With --lint: also what this release, which the stage comes from, does otherwise.",
 )
-@click.option("--unsafe", is_flag=True, help="Also add, remove and move prims, and what is likely.")
+@click.option(
+    "--unsafe",
+    is_flag=True,
+    help="Also add, remove and move prims, and make repairs that are only probable.",
+)
 @writing_options("repaired")
 @click.option(
     "--force",

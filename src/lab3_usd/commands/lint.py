@@ -72,7 +72,7 @@ def command(
     configuration: ConfigOptions,
     view: ViewOptions,
 ) -> None:
-    """Judge any stage of Isaac Sim by what its graphs do, and the graphs that scripts build.
+    """Check any Isaac Sim stage, or script: do graphs, topics, frames and joints work together?
 
     PATHS are stages, Python scripts and notebooks, or folders with some in them or below. A script
     is read and never run; --stage names the scene that it loads. Findings are nodes that never

@@ -11,7 +11,7 @@ from lab3_usd.hooks import Command, Users, features
 _OF_THE_CORE: dict[str, Command] = {
     "lint": Command(
         "any stage of Isaac Sim",
-        "Judge any stage of Isaac Sim, without a lab.",
+        "Check any Isaac Sim stage, or script that builds graphs.",
         (
             "lab3 lint robot.usd",
             "lab3 lint scenes --isaac 5.1 --format sarif -o lint.sarif",
@@ -74,7 +74,7 @@ _OF_THE_CORE: dict[str, Command] = {
     ),
     "demo": Command(
         "this installation",
-        "Make stages to try the program on.",
+        "Write example stages to try the program with.",
         (
             "lab3 demo",
             "lab3 demo somewhere",
@@ -101,7 +101,7 @@ _OF_THE_CORE: dict[str, Command] = {
     ),
 }
 EXAMPLES = {
-    "lab3 lint robot.usd": "judge any stage",
+    "lab3 lint robot.usd": "check any stage",
     "lab3 check work --format html -o report.html": "check a folder, with pictures",
     "lab3 rule W01": "explain one rule",
 }

@@ -348,7 +348,7 @@ def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
             # The yaml-cpp of map_server takes a tab for a blank between words.
             data = load_plain(_TABS.sub(b" ", text))
     except FileNotFoundError:
-        return None, "is not handed in"
+        return None, "was not submitted"
     except OSError as error:
         return None, f"cannot be read ({error.strerror})"
     except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:

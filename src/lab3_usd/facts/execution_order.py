@@ -139,7 +139,7 @@ def running_nodes(stage: StageModel) -> LiveNodes:
 
 
 def severity_if_uncertain(stage: StageModel, *paths: str) -> Severity | None:
-    """Return how grave a fault is that needs all these nodes to run, None for the rule's own.
+    """Return the severity of a fault that occurs only if all these nodes run, None for the rule's.
 
     Where one of them only may run, the fault may not show: a warning.
     """

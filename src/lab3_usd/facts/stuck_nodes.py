@@ -278,7 +278,7 @@ def switched_off_target(node: Node, stage: StageModel) -> str:
 
 def _without_context(stage: StageModel) -> Iterator[Stuck]:
     for node, port, handle in invalid_contexts(stage):
-        yield Stuck(node, f"{port} is {handle}, which no context has made")
+        yield Stuck(node, f"{port} is {handle}, not a handle from a ROS2 Context")
     live = live_nodes(stage)
     is_over = any((domain.number or 0) > LAST_DOMAIN for domain in domains(stage))
     for entry in context_inputs(stage) if is_over else ():

@@ -54,7 +54,7 @@ def reasons_by_student(book: Mapping[str, Any]) -> dict[str, tuple[str, ...]]:
 
 
 def write_feedback(out: Path, export: FilledExport, book: Mapping[str, Any]) -> list[Returned]:
-    """Write what returns reports and reasons to those whose points were filled in.
+    """Write the files that return reports and reasons to students whose points were filled in.
 
     Raises:
         UsageError: the platform takes nothing that is known, or a file cannot be written.

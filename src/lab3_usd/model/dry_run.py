@@ -175,7 +175,7 @@ LARGEST = 1e9
 
 
 def bounded(number: float) -> float:
-    """Return a number as one can go on with: what is none is 0, and none is beyond all rooms."""
+    """Return a usable number: NaN becomes 0, and large magnitudes are clamped."""
     return max(-LARGEST, min(LARGEST, number)) if number == number else 0.0  # noqa: PLR0124 - NaN
 
 

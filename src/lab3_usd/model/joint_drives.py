@@ -109,7 +109,7 @@ def of_drive(
         if other is None:
             return JointFault("has no drive", None, f"a drive of kind {kind}")
         found = other.partition(":")[2]
-        text = f"has a drive of kind {found}, and its axis takes one of kind {kind}"
+        text = f"has a drive of kind {found}, but the joint needs one of kind {kind}"
         return JointFault(text, None, f"a drive of kind {kind}", found)
     force, stiffness, damping = drive.force, drive.stiffness or 0.0, drive.damping or 0.0
     if force is not None and force <= 0.0:

@@ -278,7 +278,7 @@ def _capsule(values: _Values) -> Iterator[Triangle]:
 
 
 def _plane(values: _Values) -> Iterator[Triangle]:
-    """Return a square, as large as its collision is endless."""
+    """Return a square of half-width ENDLESS in place of an infinite collision plane."""
     order = TURN.get(str(values.get("axis")), TURN["Z"])
     corners = [(-ENDLESS, -ENDLESS, 0.0), (ENDLESS, -ENDLESS, 0.0)]
     corners += [(ENDLESS, ENDLESS, 0.0), (-ENDLESS, ENDLESS, 0.0)]

@@ -282,14 +282,14 @@ def coverage_line(coverage: NodeCoverage) -> str:
     parts = [] if coverage.built is None else [built_line(coverage)]
     if coverage.judged < coverage.nodes:
         left_out = coverage.nodes - coverage.judged
-        waiting = _counted(coverage.waiting, "waits for", "wait for")
+        waiting = _counted(coverage.waiting, "needs", "need")
         unknown = _counted(coverage.unknown, "has the unknown type", "have the unknown type")
         listed = "; ".join(filter(None, (waiting, unknown)))
         parts.append(f"{left_out} of {plural(coverage.nodes, 'node')} not judged ({listed})")
     if coverage.partly:
         count = sum(coverage.partly.values())
-        listed = _counted(coverage.partly, "waits for", "wait for")
-        parts.append(f"{plural(count, 'node')} judged in part ({listed})")
+        listed = _counted(coverage.partly, "needs", "need")
+        parts.append(f"{plural(count, 'node')} only partly checked ({listed})")
     return (", " if coverage.built is None else "; ").join(filter(None, parts))
 
 

@@ -21,8 +21,8 @@ class TreeReport(Struct, frozen=True):
     """What a stage publishes: its transforms, and the nodes whose transforms are unknown.
 
     `reserved` are the frames that only something outside the stage may place, with its name, and
-    `hidden` those that only an asset could tell which cannot be found. `rates` say how often each
-    publisher sends, by its path.
+    `hidden` those that only a missing asset could define. `rates` say how often each publisher
+    sends, by its path.
     """
 
     path: str

@@ -213,4 +213,4 @@ def _remarks(trial: Trial, checks: Sequence[Check]) -> Iterator[str]:
         yield trial.fit.text
     yield from trial.recording.remarks
     if trial.recording.not_simulated and any(check.verdict == "not judged" for check in checks):
-        yield "apparent faults may come from parts that are not simulated, and are not counted"
+        yield "faults may be caused by parts that are not simulated; such are not counted"

@@ -22,7 +22,7 @@ _KEPT = "_static"  # what the topic of transforms that are kept has more
 
 
 def _heard_on(message: Message) -> str:
-    """Return the topic of the moving transforms beside which tf2 hears those of a message."""
+    """Return the TF topic that listeners read together with a message's: /tf for /tf_static."""
     return message.topic.removesuffix(_KEPT) if message.static else message.topic
 
 

@@ -133,6 +133,6 @@ def advancing(trial: Trial) -> Iterator[RunFault]:
         ]
         stuck = [two for one, two in pairs if two.stamp <= one.stamp]
         if len(stuck) > STUCK * len(pairs):
-            text = f"{len(stuck)} of {len(pairs)} stamps of {stuck[0].topic} are not later than the"
-            text += f" one before: {stuck[0].stamp:.2f} s"
+            text = f"{len(stuck)} of {len(pairs)} stamps of {stuck[0].topic} do not advance"
+            text += f": {stuck[0].stamp:.2f} s"
             yield RunFault(text, "stamp-not-advancing", node)

@@ -206,7 +206,7 @@ class LintSubject(Struct, frozen=True, eq=False):
         return is_module(self.stage)
 
     def graphs(self) -> Iterator[GraphModel]:
-        """Yield the graphs that no application made for itself, in the scene or not."""
+        """Yield the graphs, also deactivated ones, except those that Isaac Sim makes itself."""
         ignores = self.platform.graph.ignores
         return (graph for graph in self.stage.graphs if not ignores(graph.path))
 

@@ -143,7 +143,7 @@ def is_stated(joint: WheelJoint, subject: RobotSubject, *names: str) -> bool:
 def wrong_ends(joint: WheelJoint, subject: RobotSubject) -> Iterator[tuple[str, str]]:
     """Yield the property of each body that the joint does not rightly connect, and what it is.
 
-    One end is the wheel, the other a body of the robot that is no wheel. Ends that are right are
+    One end is the wheel, the other a body of the robot, but not a wheel. Ends that are right are
     left out; a link that is missing altogether is not the joint's fault.
     """
     robot = subject.robot
@@ -276,7 +276,7 @@ def _drives(node: Node) -> DrivePorts | None:
 
 
 def _commands_wheels(node: Node, subject: RobotSubject, live: Nodes) -> bool:
-    """Whether a node that runs tells a wheel of the robot anything."""
+    """Whether a running node commands a wheel of the robot."""
     ports = _drives(node)
     if ports is None:
         return False

@@ -60,7 +60,7 @@ def instanced_graph(subject: GraphsSubject) -> Iterator[Problem]:
 @rule("K03", "graph-not-evaluated", scope="lint")
 @rule("G03", "graph-kind", scope="graph")
 def graph_not_evaluated(subject: GraphsSubject) -> Iterator[Problem]:
-    """A graph is never evaluated, or otherwise than asked.
+    """A graph is never evaluated, or not in the required mode.
 
     Why: an on-demand graph waits for an event of its own kind, such as On Physics Step; the updates
     of the application skip it. An instanced graph is evaluated only where a prim refers to it.
@@ -361,7 +361,7 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
             steps = () if node.type is None else node.type.time_step
             wires = ", ".join(map(short_source, node.sources(port)))
             first = f"delete the wire from {wires}, then " if wires else ""
-            written = f"is {display(values[port])}" if port in values else "is wired"
+            written = f"is {display(values[port])}" if port in values else "is connected"
             effect = "the robot never moves" if port in values else "where it is not 0, all stops"
             yield Problem(
                 node.path,

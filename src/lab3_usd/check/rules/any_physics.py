@@ -106,7 +106,7 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
             )
             yield Problem(
                 joint.path,
-                f"ties {first} to {second}: PhysX makes no joint between two scenes",
+                f"connects {first} with {second}: PhysX creates no joint across scenes",
                 expected="one simulation owner",
                 related=bodies(joint),
                 assumes=tuple((path, _OWNER) for path in bodies(joint)),
@@ -178,7 +178,7 @@ def _is_scene(path: str, stage: StageModel) -> bool:
 @rule("K97", "ignored-physics", scope="lint", severity="warning")
 @rule("S27", "physics-not-as-written", scope="stage", severity="warning")
 def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
-    """PhysX reads a body of joints, its shape or a joint otherwise than the file says.
+    """PhysX interprets a jointed body, its collider or a joint differently from the file.
 
     Why: of two bodies at one end of a joint the first counts. A negative mass, density or inertia
     counts as none, and so does a mass without PhysicsMassAPI: it is computed from the shapes, or is
@@ -228,7 +228,7 @@ def _ignored_masses(prim: Prim, stage: StageModel) -> Iterator[Problem]:
         if any(part < 0 for part in parts):
             yield Problem(
                 prim.path,
-                f"{name} is {display(held[name])}, and counts as not set",
+                f"{name} is {display(held[name])}, below 0: PhysX ignores it",
                 property=name,
                 expected="above 0",
                 actual=display(held[name]),

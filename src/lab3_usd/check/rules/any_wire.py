@@ -159,7 +159,7 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
             near = _meant(wire.port, kind, subject, is_source=False)
             yield Problem(
                 wire.node.path,
-                f"{wire.port} is wired, and {kind.ui_name} has no such port"
+                f"{wire.port} is connected, but {kind.ui_name} has no such port"
                 f"{_gone(kind, wire.port, subject)}{did_you_mean(near)}",
                 property=wire.port,
                 expected=near or _port_now(kind, wire.port, subject) or None,
@@ -244,11 +244,11 @@ def _dead_wire(fault: WireFault, wire: Connection, subject: GraphsSubject) -> Pr
             return replace(problem, message=message, severity="note")
         reason = dead
     sublayer = sublayer_with_source(wire, subject.stage)
-    message = f"{opening}which {reason}{'; another source feeds it' if is_fed else ''}"
+    message = f"{opening}which {reason}"
     if sublayer:
-        message += f", unless {sublayer} has it"
+        message += f" (unless {sublayer} defines it)"
         problem = replace(problem, severity="warning")
-    return replace(problem, message=message)
+    return replace(problem, message=message + ("; the input has another source" if is_fed else ""))
 
 
 def _with_port(problem: Problem, opening: str, wire: Connection, subject: GraphsSubject) -> Problem:

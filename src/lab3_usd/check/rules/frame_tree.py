@@ -38,8 +38,8 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
     """A publisher places `odom` below another frame.
 
     Why: AMCL publishes `map -> odom`. With a second parent the frame jumps between the two, and
-    navigation loses the robot. A publisher that nothing triggers is reported too: one connection
-    more, and it publishes. A deactivated one is a note.
+    navigation loses the robot. A publisher that nothing triggers is reported too: it publishes as
+    soon as one connection is added. A deactivated one is a note.
 
     Fix: if it is the publisher of the lab, set Parent Frame ID to `{root}` and Child Frame ID to
     `{base}`. Delete or deactivate any other one. Isaac Sim's menu for odometry creates one named

@@ -102,7 +102,7 @@ def _why_missing(subject: GraphSubject) -> str:
     if prim is not None and prim.active and not prim.defined and missing is not None:
         return f": only an over is here, and {missing.asset} below it cannot be found"
     if _inactive(subject) is not None:
-        return ": it is there, but deactivated or only an over without a def"
+        return ": the one at its path is deactivated, or only an over without a def"
     if prim is not None:
         return f": the prim at its path is {prim.type or 'of no type'}, not an Action Graph"
     return f": {instance} is an instance, below which nothing can be added" if instance else ""

@@ -155,7 +155,7 @@ def joined(robot: RobotSpec, link: str) -> str:
 def loose_link(subject: RobotSubject) -> Iterator[Problem]:
     """A link is loose, or a fixed robot is not fixed to the world.
 
-    Why: at Play the link stays behind or falls. If several links come off together, the finding
+    Why: at Play the link stays behind or falls. If several links are detached together, the finding
     names the first; other rules check the rest. The robot's body, and a link whose place the
     handout gives, must be held upright by a fixed joint: where the joint holds it tilted, it turns
     over. A robot that the course has fixed to the world, as an arm, falls over without that joint.
@@ -187,7 +187,7 @@ def loose_link(subject: RobotSubject) -> Iterator[Problem]:
         path = robot.path_of(name)
         if path in present and name not in turned and groups[path] not in judged:
             judged.append(groups[path])
-            message, hint = f"no joint ties {name} to {robot.base_frame}", None
+            message, hint = f"no joint connects {name} to {robot.base_frame}", None
             off = _switched_off(subject, path)
             if off:
                 message += f": {off[0]} is switched off"

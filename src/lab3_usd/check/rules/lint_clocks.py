@@ -64,7 +64,7 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
         if has_side_effects(node):
             yield Problem(
                 node.path,
-                f"{port} is {handle}, which no context has made: the node does nothing",
+                f"{port} is {handle}, not a handle from a ROS2 Context: the node does nothing",
                 property=port,
                 expected="a wire from a ROS2 Context",
                 actual=str(handle),

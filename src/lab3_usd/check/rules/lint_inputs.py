@@ -49,16 +49,15 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
                 if node.has_port(INPUT + name)
             )
             known = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
-            names = " and ".join(f"inputs:{name}" for name in known)
+            names = ", ".join(f"inputs:{name}" for name in known)
             fixed, is_zero = _fixed_input(node, known, need, subject)
-            is_unset = (
-                "are not connected and have" if len(known) > 1 else "is not connected and has"
-            )
+            unset = f"{names} is not connected and has no value"
+            unset = f"none of {names} is connected or set" if len(known) > 1 else unset
             wire = likely_wire(node, f"inputs:{known[0]}", subject) if len(known) == 1 else ()
             wire = () if fixed else wire
             yield Problem(
                 node.path,
-                (fixed or f"{names} {is_unset} no value") + (f": {need.effect}" if is_zero else ""),
+                (fixed or unset) + (f": {need.effect}" if is_zero else ""),
                 property=f"inputs:{known[0]}",
                 expected=_wanted(need) if fixed else "a wire or a value",
                 hint=wire_hint(wire),

@@ -61,7 +61,7 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                 joint = known[name]
                 yield Problem(
                     command.node.path,
-                    f"{joint.path} ties no link of the robot: {_ends_of(joint, subject.stage)}",
+                    f"{joint.path} connects no link of the robot: {_ends_of(joint, subject.stage)}",
                     property=command.ports.joints,
                     related=(joint.path,),
                     rests_on=_unknown_tie(joint, subject.stage),
@@ -226,7 +226,7 @@ def ignored_indices(subject: LintSubject) -> Iterator[Problem]:
         if indices and not command.names and len(joints) != 1:
             yield Problem(
                 command.node.path,
-                f"{command.ports.indices} is {display(indices)}, which is ignored: all joints move",
+                f"{command.ports.indices} is {display(indices)}; zeros are ignored: all move",
                 property=command.ports.indices,
                 expected=f"a name in {command.ports.joints}",
                 actual=display(indices),

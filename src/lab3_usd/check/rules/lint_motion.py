@@ -82,7 +82,7 @@ def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
                 tied.add(joint.path)
                 yield Problem(
                     joint.path,
-                    f"ties the robot to the world, but {command.node.path} drives its wheels",
+                    f"fixes the robot to the world, but {command.node.path} drives its wheels",
                     related=(command.node.path,),
                     assumes=((command.node.path, command.port),),
                 )
@@ -230,7 +230,7 @@ def _obstacles(
         if other.type == FIXED:
             held = next((path for path in bodies(other) if path != wheel), "")
             if not held or held in _bases(stage, wheels):
-                yield other.path, None, f"ties {wheel} to {held or 'the world'}"
+                yield other.path, None, f"connects {wheel} to {held or 'the world'}"
 
 
 @once_per_stage
@@ -332,7 +332,7 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
                 judged.add(joint.path)
                 yield Problem(
                     joint.path,
-                    "turns its wheel across the wheel's own axis: the wheel cannot roll",
+                    "its axis is perpendicular to the axis of its wheel, which cannot roll",
                     property=AXIS,
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown(joint.path),

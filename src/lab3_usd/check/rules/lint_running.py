@@ -38,7 +38,7 @@ from lab3_usd.model.stage import OVER, Node
 _REASONS = {
     "unwired": "{port} is not connected",
     "once": "its only signal comes once, from {cause}, and only opens its topic",
-    "counts": "{cause} counts to more signals than the single one that comes",
+    "counts": "{cause} needs more signals than the one that it receives",
     "off": "{cause}, which triggers it, is switched off",
 }
 
@@ -165,7 +165,8 @@ def graph_beside_default_prim(subject: LintSubject) -> Iterator[Problem]:
     Why: a stage that references this file gets the default prim and what is below it: the robot
     without this graph.
 
-    Fix: drag the graph below the default prim in the Stage panel, if the file is to be referenced.
+    Fix: if other stages reference this file, drag the graph below the default prim in the Stage
+    panel.
 
     Example: `/Graph` commands `/World/robot`, and `/World` is the default prim.
     """
@@ -228,7 +229,7 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
     counted=("node switched off", "nodes switched off"),
 )
 def switched_off(subject: LintSubject) -> Iterator[Problem]:
-    """A node of ROS or of signals is disabled.
+    """A ROS 2 node, or a node that passes execution signals, is disabled.
 
     Why: with Enabled off, a helper publishes nothing, and a render product is not created, so its
     helpers publish nothing either. A sensor that is switched off is not read. A gate with a step of

@@ -37,7 +37,7 @@ _INFO, _INFO_NAME = "sensor_msgs/msg/CameraInfo", "camera_info"
 
 
 class _Named(Struct, frozen=True, eq=False):
-    """The prims whose place a frame has: their paths, and what they move with."""
+    """The prims at the pose of a frame: their paths, and the body that each follows."""
 
     prims: list[Prim]
     paths: frozenset[str]

@@ -31,7 +31,7 @@ _STEEP = Parameter("K76", "angle", 45.0, "degrees that the Z axis may point away
 
 @rule("K15", "unreadable-target", scope="lint")
 def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
-    """A node cannot read the kind of its target prim.
+    """A target of a node has the wrong type of prim.
 
     Why: the node finds no sensor, body or articulation there. It logs an error or stays silent, and
     its outputs stay 0.
@@ -360,9 +360,9 @@ def script(subject: LintSubject) -> Iterator[Problem]:
 def sensor_value(subject: LintSubject) -> Iterator[Problem]:
     """A sensor has a value or attribute unknown to its model.
 
-    Why: an attribute that no schema has is ignored, as is a token that is none. NVIDIA's rules for
-    Isaac Sim 6.2 refuse the other values, or this release is known to fail with them. A sensor
-    whose model is another one by name is a note.
+    Why: attributes outside the schema, and invalid tokens, are ignored. NVIDIA's rules for Isaac
+    Sim 6.2 refuse the other values, or this release is known to fail with them. A sensor whose
+    model is another one by name is a note.
 
     Fix: set the value named here, and remove an attribute that no schema has.
 

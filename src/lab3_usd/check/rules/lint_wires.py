@@ -44,7 +44,7 @@ def value_and_wire(subject: LintSubject) -> Iterator[Problem]:
         if wire.is_live and value not in (None, default) and not is_nothing(value):
             yield Problem(
                 wire.node.path,
-                f"{wire.port} is wired, and its value {display(value)} does not count",
+                f"{wire.port} is connected: its value {display(value)} is ignored",
                 property=wire.port,
                 actual=display(value),
                 assumes=((wire.node.path, wire.port),),
@@ -69,7 +69,7 @@ def wired_literal(subject: LintSubject) -> Iterator[Problem]:
         if wire.is_live and port is not None and port.literal_only:
             yield Problem(
                 wire.node.path,
-                f"{wire.port} of {subject.title(wire.node)} is to be set, and is wired",
+                f"{wire.port} of {subject.title(wire.node)} is to be set, and is connected",
                 property=wire.port,
                 actual=wire.path,
                 related=(wire.source_prim,),
@@ -146,7 +146,7 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
                 )
                 yield Problem(
                     node.path,
-                    f"{port} takes {' or '.join(quantities)}, and {given.maker.name} gives "
+                    f"{port} expects {' or '.join(quantities)}, but {given.maker.name} provides "
                     f"{given.name}",
                     property=port,
                     expected=" or ".join(quantities),

@@ -263,7 +263,7 @@ def map_not_given(subject: MapSubject) -> Iterator[Problem]:
     Example: `lab3 check {map_stage}`.
     """
     if subject.replaced:
-        message = "map is not handed in; the grader's map stands in for it"
+        message = "map was not submitted; the grader's map replaces it"
         yield Problem(subject.file, message, severity="warning")
     elif not subject.given:
         yield Problem(subject.file, "map is not given, so not checked")

@@ -176,7 +176,9 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
         if parameter.last in subject.navigation.parameters.base_frame:
             if parameter.value in robot:
                 continue
-            message = f"{parameter.name} is {shortened(parameter.value)}, no frame of the robot"
+            message = (
+                f"{parameter.name} is {shortened(parameter.value)}, but the robot has no such frame"
+            )
             expected = next(iter(subject.frames.deeper), "")
             yield parameter_problem(subject, parameter, message, expected=expected)
 

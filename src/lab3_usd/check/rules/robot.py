@@ -148,7 +148,7 @@ def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
     if root is not None and _falls_alone(root, subject):
         yield Problem(
             root.path,
-            f"{root.name} is a rigid body of its own, which no joint ties to a link",
+            f"{root.name} is a rigid body of its own, which no joint connects to a link",
             BODY_ENABLED,
             "no rigid body",
             BODY_API,

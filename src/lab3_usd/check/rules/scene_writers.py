@@ -27,8 +27,8 @@ def scene_written(subject: StageSubject) -> Iterator[Problem]:
 
     Why: the written values replace the saved ones. It is an error if the node moves, disables or
     commands the robot or its ground, changes a node of the lab, or stops the simulation. Any other
-    node that writes is a warning: the lab needs none. One that nothing triggers, or only a key or
-    the mouse, changes nothing.
+    node that writes is a warning: the lab needs none. A node that is never triggered, or only by a
+    key or the mouse, is not a fault.
 
     Fix: delete the node, or aim it at a prim that is not part of the lab.
 

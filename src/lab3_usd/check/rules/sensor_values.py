@@ -65,9 +65,9 @@ def refused_values(
 def sensor_value(subject: StageSubject) -> Iterator[Problem]:
     """A sensor has a value or attribute unknown to its model.
 
-    Why: an attribute that no schema has is ignored, as is a token that is none. NVIDIA's rules for
-    Isaac Sim 6.2 refuse the other values, or this release is known to fail with them. Another name
-    of the model is a note. A value of another type is an error, since the model does not start.
+    Why: attributes outside the schema, and invalid tokens, are ignored. NVIDIA's rules for Isaac
+    Sim 6.2 refuse the other values, or this release is known to fail with them. Another name of the
+    model is a note. A value of another type is an error, since the model does not start.
 
     Fix: select the sensor, search the Property panel for the name given here and type the expected
     value. Remove an attribute that no schema has.

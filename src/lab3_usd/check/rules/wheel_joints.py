@@ -189,7 +189,7 @@ def joint_bodies(subject: RobotSubject) -> Iterator[Problem]:
     for joint in turning_joints(subject):
         for name, actual in wrong_ends(joint, subject):
             is_wheel = base_side(joint) is None and not is_at_or_below(actual, joint.link)
-            expected = joint.link if is_wheel else "a link of the robot that is no wheel"
+            expected = joint.link if is_wheel else "a link of the robot other than a wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
             fault = JointFault(message, name, expected, actual or "no prim")
             asset = None if actual else subject.stage.unknown(joint.site)
@@ -216,7 +216,7 @@ def second_wheel_joint(subject: RobotSubject) -> Iterator[Problem]:
         tied = [] if joint in own else [wheel for wheel in wheels if _ties(joint, wheel)]
         for wheel in [wheel for wheel in tied if _may_turn(wheel, subject)][:1]:
             holder = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
-            tie_text = f"{joint.name} ties {wheel.link} to {holder or 'the world'}"
+            tie_text = f"{joint.name} connects {wheel.link} to {holder or 'the world'}"
             yield Problem(
                 joint.path,
                 f"{tie_text}, beside {wheel.name}",

@@ -70,7 +70,7 @@ def _explain(fault: WireFault, subject: GraphSubject) -> str:
     expected, actual = short_source(fault.expected), source_shown(fault)
     message = f"{fault.port} is connected to {actual}, expected {expected}"
     if fault.kind == "bypass":
-        message += f"; the wire goes past {expected.partition('.')[0]}"
+        message += f"; the wire bypasses {expected.partition('.')[0]}"
     return message + _single_signal(fault, subject)
 
 

@@ -81,7 +81,7 @@ own_rules_option = click.option(
     "--config",
     "config_file",
     type=Input(),
-    help="Also the rules of one's own that this file names.",
+    help="Also the custom rules that this file names.",
 )
 
 

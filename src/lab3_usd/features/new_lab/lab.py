@@ -186,7 +186,7 @@ def check(folder: Path | None, stages: tuple[Path, ...]) -> None:
     multiple=True,
     type=Input(path_type=Path),
     metavar="STAGE",
-    help="The same as a further STAGE.",
+    help="One more STAGE; may be repeated.",
 )
 def new(folder: Path, stages: tuple[Path, ...], more: tuple[Path, ...]) -> None:
     """Write a first description of a lab from its solution stages.

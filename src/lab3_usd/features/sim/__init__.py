@@ -6,7 +6,7 @@ FEATURE = Feature(
     commands={
         "sim": Command(
             "any stage of Isaac Sim",
-            "Play a stage without Isaac Sim, and judge its messages.",
+            "Simulate a stage without Isaac Sim, and check its ROS messages.",
             (
                 "lab3 sim STAGE.usda",
                 "lab3 sim STAGE.usda --page sim.html",

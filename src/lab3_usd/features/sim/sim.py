@@ -53,7 +53,7 @@ if TYPE_CHECKING:
 @recorded("asked", SimOptions)
 @additions_to_sim()
 def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> None:
-    """Play a stage without Isaac Sim, drive its robot, and judge the messages of ROS.
+    """Simulate a stage without Isaac Sim, drive its robot, and check its ROS messages.
 
     The graphs of STAGE are executed as they are wired, by functions written from the published
     source of Isaac Sim 6.0.1; the robot moves by exact kinematics. The checkpoint in the file name

@@ -183,7 +183,7 @@ def _opened(folder: Path) -> int | None:
 
 
 def _lock(handle: int, kind: str) -> bool:
-    """Lock what is open; whether that went. Nothing waits: a process may live for hours."""
+    """Lock an open file without waiting, as a process may live for hours; return whether it did."""
     locks = importlib.import_module("fcntl")
     try:
         locks.flock(handle, getattr(locks, kind) | locks.LOCK_NB)

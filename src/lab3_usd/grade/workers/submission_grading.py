@@ -155,7 +155,7 @@ def grade_staged(
             or (finding.rule in _ABOUT_MAPS and finding.severity != "note")
         )
         remarks += tuple(
-            f"{stage}: {asset} was not handed in; the grader's file stands in for it"
+            f"{stage}: {asset} was not submitted; the grader's file replaces it"
             for stage, asset in bounds.lent.items()
         )
         name = task.name if setup.named else ""

@@ -206,8 +206,8 @@ def _advancing(gathered: Gathered, wanted: Expected) -> Iterator[RunFault]:
         if kind in {TRANSFORMS, CLOCK} or topic == wanted.joint_commands or tally.stamp is None:
             continue
         if kind != STEERING and tally.stuck > STUCK * tally.count:
-            text = f"{tally.stuck} of {tally.count} stamps of {topic} are not later than the one"
-            yield RunFault(f"{text} before", "stamp-not-advancing")
+            text = f"{tally.stuck} of {tally.count} stamps of {topic} do not advance"
+            yield RunFault(text, "stamp-not-advancing")
 
 
 def _tree(trial: Trial, robots: int) -> Iterator[RunFault]:

@@ -145,7 +145,7 @@ def _legs(lines: list[str], limits: tuple[float, float]) -> Iterator[Leg]:
 
 
 def leg_name(v: float, w: float, limits: tuple[float, float]) -> str:
-    """Name a leg by what it tells, as the checks ask for it."""
+    """Name a leg by the motion that it commands, as checks look it up."""
     if abs(v) > limits[0] or abs(w) > limits[1]:
         return "beyond" if v and w else "fast" if v else "spin"
     if v and w:

@@ -148,7 +148,7 @@ def _is_of_graph(fault: RunFault, trial: Trial) -> bool:
 
 
 def _unheard(name: str, trial: Trial) -> str:
-    """Return the topic that a check of what sensors show waits for in vain, '' where it has one."""
+    """Return the topic of a sensor that a check needs and that was never received, else ''."""
     wanted = trial.wanted
     topics = {"scan": (wanted.scan,), "map": (wanted.scan,), "camera": (wanted.image, wanted.info)}
     asked = [topic for topic in topics.get(name, ()) if topic]

@@ -49,7 +49,7 @@ def _faults(trial: Trial, *names: str) -> Iterator[RunFault]:
 
 
 def rest(trial: Trial) -> Iterator[RunFault]:
-    """It stands still without a command, after one, and when commanded sideways."""
+    """It stands still before and after commands, and when commanded sideways."""
     yield from _faults(trial, "idle", "sideways")
     poses = [pose for pose in trial.recording.path if not pose.session]
     for at, (pose, following) in enumerate(pairwise(poses), start=1):
