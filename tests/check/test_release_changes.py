@@ -210,6 +210,21 @@ def test_a_changed_default_that_does_nothing_is_not_said(kind: str, port: str, s
     assert port not in {each.property for each in found}
 
 
+def test_whole_turns_of_clouds_alone_are_a_choice_of_5_1() -> None:
+    kind, port = "isaacsim.ros2.bridge.ROS2RtxLidarHelper", "inputs:fullScan"
+    said = {
+        sent: [
+            each.property
+            for each in found_by(
+                "K39", stage_with(kind, "6.2", {"inputs:type": sent}), "5.1", "6.2"
+            ).findings
+            if each.property == port
+        ]
+        for sent in ("laser_scan", "point_cloud")
+    }
+    assert said == {"laser_scan": [], "point_cloud": [port]}
+
+
 def stage_for(meaning: Meaning, kind: str, release: str) -> Usd.Stage:
     """Return the smallest stage that means another thing from the release of a change on."""
     if meaning.asset:

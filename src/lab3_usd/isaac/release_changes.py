@@ -121,7 +121,8 @@ class ReleaseChanges(Struct, frozen=True, forbid_unknown_fields=True):
     """All of them.
 
     `tokens` are the nearest ones of tokens that a release lacks. `defaults` say what a default does
-    by port, for True and for False. Changed defaults of `ignored` ports do nothing from a release.
+    by port, for True and for False. Changed defaults of `ignored` ports do nothing from a release,
+    and those of `idle` ones while other inputs have these values.
     """
 
     successors: tuple[Successor, ...]
@@ -129,6 +130,7 @@ class ReleaseChanges(Struct, frozen=True, forbid_unknown_fields=True):
     ports: Mapping[str, Mapping[str, GonePort]]
     tokens: Mapping[str, Mapping[str, Mapping[str, str]]]
     ignored: Mapping[str, Mapping[str, str]]
+    idle: Mapping[str, Mapping[str, Mapping[str, str]]]
     defaults: Mapping[str, tuple[str, str]]
     breaks: Breaks
     skips: Skips

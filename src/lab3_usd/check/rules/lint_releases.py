@@ -205,7 +205,8 @@ def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]
             continue
         for port in node.type.ports:
             is_open = port.startswith(INPUT) and port in then.ports and _is_open(node.state(port))
-            if is_open and not same_value(_default(node, port, before), node.value(port)):
+            is_same = same_value(_default(node, port, before), node.value(port))
+            if is_open and not is_same and not _is_idle(node, port, subject):
                 key = (node.path.rpartition("/")[0], node.type_name, port)
                 places.setdefault(key, []).append(node)
     changes, releases = subject.platform.changes, (before.release, subject.platform.release)
@@ -228,6 +229,13 @@ def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]
             fix=tuple(SetValue(node.path, port, usd_type, was) for node in nodes),
             comes_first=port == next(iter(changes.defaults)),  # which most stages meet
         )
+
+
+def _is_idle(node: Node, port: str, subject: LintSubject) -> bool:
+    """Whether a port of a node does nothing, because of the values of other inputs."""
+    values = subject.platform.changes.idle.get(node.type_name, {}).get(port, {})
+    others = ((effective_value(node, other, subject.live), v) for other, v in values.items())
+    return bool(values) and all(found == value for found, value in others)
 
 
 def _is_open(state: PortState | None) -> bool:

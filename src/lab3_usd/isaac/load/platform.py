@@ -376,7 +376,7 @@ def _changes_of(
     where = f"{folder.name}/{CHANGES}"
     changes = as_record(_tuples(read_yaml(folder / CHANGES)), ReleaseChanges, where)
     known = {*types, *(kind for release in releases.values() for kind in release.has)}
-    named = [*changes.folds, *changes.ports, *changes.ignored]
+    named = [*changes.folds, *changes.ports, *changes.ignored, *changes.idle]
     named += [kind for meaning in changes.meanings for kind in meaning.types]
     named += [each.by for each in changes.successors if ANY not in each.by]
     for kind in named:
