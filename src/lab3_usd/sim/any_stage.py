@@ -25,7 +25,7 @@ from lab3_usd.sim.commands import (
     rival,
     unmoved,
 )
-from lab3_usd.sim.execution.drive import drive_of
+from lab3_usd.sim.execution.drive import NO_LIMITS, drive_of
 from lab3_usd.sim.execution.recording import Message, Recording, Scan
 from lab3_usd.sim.execution.world import standing_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
@@ -45,7 +45,6 @@ from lab3_usd.sim.mounting import carried_streams, own_frames, pairs
 from lab3_usd.sim.outcome import Judged
 from lab3_usd.sim.own_view import kept_transforms, own_view
 from lab3_usd.sim.robots import (
-    NO_LIMITS,
     TWIST,
     Robot,
     drive_for,

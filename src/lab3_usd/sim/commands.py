@@ -11,6 +11,7 @@ from lab3_usd.model.dry_run import Check, heading
 from lab3_usd.model.transforms import Vector
 from lab3_usd.physics.machine import Wheel
 from lab3_usd.sim.arms import JOINTS, TRANSFORMS, shown_prims
+from lab3_usd.sim.execution.drive import STEERED
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
@@ -145,10 +146,18 @@ def follows_command(trial: Trial, robot: Robot) -> Iterator[RunFault]:
         yield from _moved_as_commanded(trial, given)
         return
     yield from _turns_about_a_point(trial, robot)
-    turns = [stretch for stretch in trial.stretches("left", "right", "arc") if stretch.leg.turn]
+    yield from follows_to_its_side(trial) if trial.scrubs else follows(trial)
+
+
+def follows_to_its_side(trial: Trial) -> Iterator[RunFault]:
+    """It goes ahead and back as commanded, and turns to the side that it is commanded to.
+
+    How far it turns is up to its wheels: those of a skid steer slide.
+    """
+    turns = [s for s in trial.stretches("left", "right", "arc", STEERED) if s.leg.turn]
     is_right = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
     for fault in follows(trial):
-        if not (trial.scrubs and is_right and fault.kind in {"wrong-turn", "wrong-arc"}):
+        if not (is_right and fault.kind in {"wrong-turn", "wrong-arc"}):
             yield fault
 
 

@@ -13,13 +13,13 @@ from lab3_usd.model.dry_run import HERE, Behaviour, Check, Driven, Scene, Unknow
 from lab3_usd.model.physics import BODY_API
 from lab3_usd.sim.any_stage import Played, commanded_joints, play_any
 from lab3_usd.sim.commands import as_of_kind
-from lab3_usd.sim.execution.drive import drive_of, fixed_drive
+from lab3_usd.sim.execution.drive import NO_LIMITS, drive_of, fixed_drive
 from lab3_usd.sim.judge.checks import asked_checks
 from lab3_usd.sim.judge.expectations import Expected, Trial
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.topics import expected_at, expected_of_each
 from lab3_usd.sim.outcome import DryRun, behaviour_of, judge_each, sent_frames, sent_topics
-from lab3_usd.sim.robots import NO_LIMITS, TWIST, drive_for, robot_of_kind
+from lab3_usd.sim.robots import TWIST, drive_for, robot_of_kind
 from lab3_usd.sim.timeline import record
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.scene import stands_within

@@ -9,11 +9,9 @@ from msgspec.structs import replace
 from lab3_usd.facts.tree import SentTransform
 from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.arms import TRANSFORMS
-from lab3_usd.sim.execution.node_instance import NodeInstance
+from lab3_usd.sim.arms import TRANSFORMS, shown_prims
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Transform
-from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.expectations import Trial, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robots import Robot
@@ -37,9 +35,7 @@ def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Tri
 
     Those of no robot are held against the one that has odometry.
     """
-    causes = played.causes
-    running = causes.program.nodes.get(node) if isinstance(causes, RunCauses) else None
-    prims = _followed(running) if running is not None else set()
+    prims = set(shown_prims(played, node))
     names = {
         other.name
         for other in robots
@@ -53,17 +49,6 @@ def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Tri
     others = names - {robot.name}
     ends = {name.rpartition("/")[2] for name in others}
     return bool(others) and (names == others or robot.name.rpartition("/")[2] in ends)
-
-
-def _followed(publisher: NodeInstance) -> set[str]:
-    """Return the prims whose poses a publisher sends, without those that they are relative to."""
-    return {
-        prim
-        for node in publisher.feeding
-        for port, prims in node.node.targets.items()
-        if node.type.tf is None or port not in node.type.tf.prims[:1]
-        for prim in prims
-    }
 
 
 def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene) -> Trial:

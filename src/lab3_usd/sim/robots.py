@@ -32,7 +32,6 @@ LEG, RAMPS, LONGEST = 2.0, 12.0, 20.0  # seconds; how many times a robot takes t
 ROLLERS, WHEEL_BASE = "mecanumAngles", "wheelBase"  # inputs that only some controllers have
 WHEEL_RADIUS = "wheelRadius"
 STEERED = 0.3  # radians to which a car is steered
-NO_LIMITS = (math.inf, math.inf)
 
 
 class Robot(Struct, frozen=True):
@@ -383,26 +382,14 @@ def _centre(machine: Machine, start: Affine, unit: float) -> tuple[float, float]
 
 def expected_of(robot: Robot | None) -> Expected:
     """Return what is known before a play: which robot is watched, and where its commands come."""
+    if robot is None:
+        return Expected(has_ground=True)
     return Expected(
-        types={},
-        domain=robot.commands.domain if robot is not None else 0,
-        commands=robot.commands.topic if robot is not None else "",
-        clock="",
-        odometry="",
-        transforms="",
-        scan="",
-        image="",
-        info="",
-        root="",
-        base="",
-        scan_rate=0.0,
-        image_rate=0.0,
-        limits=NO_LIMITS,
-        view=(0.0, 0.0, 0.0),
-        upward=(0.0, 0.0, 0.0),
-        wheel_radius=robot.wheel_radius if robot is not None else 0.0,
-        centre=robot.centre if robot is not None else (0.0, 0.0),
-        robot=robot.body if robot is not None else "",
+        domain=robot.commands.domain,
+        commands=robot.commands.topic,
+        wheel_radius=robot.wheel_radius,
+        centre=robot.centre,
+        robot=robot.body,
         has_ground=True,
     )
 

@@ -19,17 +19,16 @@ from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.decoder import is_read
 from lab3_usd.sim.bag.driven import follows_side
 from lab3_usd.sim.bag.judge import (
-    STUCK,
     Recorded,
     judged_drives,
     of_recording,
     recorded_drive,
     unread,
 )
-from lab3_usd.sim.bag.reader import Gathered, Topics, gather
+from lab3_usd.sim.bag.reader import Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, Offered, layout_at, opened
 from lab3_usd.sim.execution.recording import Odometry
-from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
+from lab3_usd.sim.judge.expectations import RunFault, Trial
 from lab3_usd.sim.outcome import DryRun
 from lab3_usd.sim.robots import ODOMETRY, STEERING, TWIST, expected_of
 from lab3_usd.sim.streams import CLOCK, TRANSFORMS
@@ -187,7 +186,6 @@ def _drive_of(
         wanted = replace(wanted, root=told.frame, base=told.data.child)
     drive = recorded_drive(gathered, replace(topics, wanted=wanted))
     drive.own_checks = {
-        "rates": lambda _: _advancing(gathered, wanted),
         "tree": lambda seen: _tree(seen, robots),
         "follows": follows_side,
     }
@@ -198,16 +196,6 @@ def _drive_of(
         held = f"{robot.joints} is held against the commands on {robot.joint_commands}"
         drive.recording.remarks.append(held)
     return drive
-
-
-def _advancing(gathered: Gathered, wanted: Expected) -> Iterator[RunFault]:
-    """The stamps of each stream advance; several nodes may send transforms of one time."""
-    for (topic, kind), tally in gathered.tallies.items():
-        if kind in {TRANSFORMS, CLOCK} or topic == wanted.joint_commands or tally.stamp is None:
-            continue
-        if kind != STEERING and tally.stuck > STUCK * tally.count:
-            text = f"{tally.stuck} of {tally.count} stamps of {topic} do not advance"
-            yield RunFault(text, "stamp-not-advancing")
 
 
 def _tree(trial: Trial, robots: int) -> Iterator[RunFault]:

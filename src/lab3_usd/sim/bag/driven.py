@@ -10,17 +10,16 @@ from typing import Literal
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Place
+from lab3_usd.sim.commands import follows_to_its_side
 from lab3_usd.sim.execution.drive import RATE, STEERED, Leg, leg_name
 from lab3_usd.sim.execution.recording import JointStates, Message, Pose
 from lab3_usd.sim.judge.expectations import RunFault, Trial, angle
-from lab3_usd.sim.judge.motion import follows
 
 _LONG = 1.0  # seconds of one command, from which on it is judged
 _SAME = 1e-3  # m/s and rad/s between commands
 VARIED = "varied"
 HELD = 1.0  # seconds of a command to joints, from which on it is judged
 NEAR = (0.05, 0.1)  # radians or metres, and part of the way, by which a joint may miss it
-_UP_TO_THE_ROBOT = {"turn-off-centre"}  # about which point it turns
 _Command = tuple[float, float, float]  # forward, to the left, turning
 
 
@@ -61,21 +60,13 @@ def leg_of_any_base(leg: Leg, *, is_steered: bool) -> Leg:
 
 
 def follows_side(trial: Trial) -> Iterator[RunFault]:
-    """It goes ahead and back as commanded, and turns to the side that it is commanded to.
-
-    How far it turns is up to its wheels: those of a skid steer slide.
-    """
-    turns = [s for s in trial.stretches("left", "right", "arc", STEERED) if s.leg.turn]
-    is_to_its_side = all(stretch.turned * stretch.leg.turn > 0 for stretch in turns)
-    for stretch in turns:
-        if stretch.leg.name == STEERED and stretch.turned * stretch.leg.turn <= 0:
+    """It goes and turns as commanded; about which point it turns is up to the robot."""
+    for stretch in trial.stretches(STEERED):
+        if stretch.leg.turn and stretch.turned * stretch.leg.turn <= 0:
             text = f"steered to turn to the {'left' if stretch.leg.turn > 0 else 'right'}, turned"
             yield RunFault(f"{text} {math.degrees(stretch.turned):+.0f} degrees", "wrong-arc")
             break
-    for fault in follows(trial):
-        by_turning = fault.kind in {"wrong-turn", "wrong-arc"}
-        if fault.kind not in _UP_TO_THE_ROBOT and not (by_turning and is_to_its_side):
-            yield fault
+    yield from (each for each in follows_to_its_side(trial) if each.kind != "turn-off-centre")
 
 
 def path(places: Sequence[tuple[float, Place]], drive: Sequence[Leg]) -> Iterator[Pose]:

@@ -48,6 +48,8 @@ from lab3_usd.sim.judge.topics import (
     reached_topics,
 )
 from lab3_usd.sim.outcome import DryRun, behaviour_of, judge_each
+from lab3_usd.sim.robots import STEERING
+from lab3_usd.sim.streams import CLOCK, TRANSFORMS
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
@@ -94,15 +96,22 @@ def qos(recorded: Recorded) -> Iterator[RunFault]:
 
 
 def rates(recorded: Recorded) -> Iterator[RunFault]:
-    """Streams arrive at a plausible rate, and their stamps advance."""
+    """Streams that a lab asks for arrive at a plausible rate; their stamps, or all, advance.
+
+    Several nodes may send transforms of one time, and commands may have none.
+    """
     is_short = recorded.gathered.timeline.arrived < SHORT
-    for topic in recorded.interface:
-        for tally in recorded.gathered.of_topic(topic.name):
-            if topic.rate is not None and tally.count and not (any(tally.rates()) or is_short):
-                yield RunFault(f"{topic.name} is received only once", "single-message")
-            elif topic.rate is not None and tally.stuck > STUCK * tally.count:
-                text = f"{tally.stuck} of {tally.count} stamps of {topic.name} are not later"
-                yield RunFault(f"{text} than the one before", "stamp-not-advancing")
+    asked = {topic.name for topic in recorded.interface if topic.rate is not None}
+    for (topic, kind), tally in recorded.gathered.tallies.items():
+        is_command = topic == recorded.wanted.joint_commands or kind == STEERING
+        is_stream = kind not in {TRANSFORMS, CLOCK} and not is_command
+        if topic in asked and tally.count and not (any(tally.rates()) or is_short):
+            yield RunFault(f"{topic} is received only once", "single-message")
+        elif (topic in asked if recorded.interface else is_stream) and (
+            tally.stuck > STUCK * tally.count
+        ):
+            text = f"{tally.stuck} of {tally.count} stamps of {topic} do not advance"
+            yield RunFault(text, "stamp-not-advancing")
 
 
 def headers(recorded: Recorded) -> Iterator[RunFault]:

@@ -17,6 +17,7 @@ RATE = 60.0  # frames a second
 COMMANDS = 10.0  # a second
 LONGEST = 3600.0  # seconds of a drive
 LONGEST_LEG = 10.0  # seconds of a leg of the fixed one
+NO_LIMITS = (math.inf, math.inf)  # metres and radians a second
 USUAL, BEYOND = (0.15, 0.8), (1.0, 4.0)  # metres and radians a second
 STEERED = "steered"  # a leg in which a car is to turn
 _NUMBERS = 3

@@ -12,8 +12,8 @@ from msgspec import Struct
 from lab3_usd.model.dry_run import FOLLOWS, HERE, Affine, Segment, rotation
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
-from lab3_usd.model.transforms import length, minus
-from lab3_usd.sim.execution.drive import RATE, Leg, Session
+from lab3_usd.model.transforms import Vector, length, minus
+from lab3_usd.sim.execution.drive import NO_LIMITS, RATE, Leg, Session
 from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan
 
 SIZE = (0.6, 1.5)  # how much of a command a robot with mass that follows it may do
@@ -52,22 +52,22 @@ class Expected(Struct, frozen=True):
     `upward` what is up in its image.
     """
 
-    types: dict[str, str]  # message type by topic
-    domain: int
-    commands: str
-    clock: str
-    odometry: str
-    transforms: str
-    scan: str
-    image: str
-    info: str
-    root: str
-    base: str
-    scan_rate: float
-    image_rate: float
-    limits: tuple[float, float]
-    view: tuple[float, float, float]
-    upward: tuple[float, float, float]
+    types: dict[str, str] = {}  # message type by topic
+    domain: int = 0
+    commands: str = ""
+    clock: str = ""
+    odometry: str = ""
+    transforms: str = ""
+    scan: str = ""
+    image: str = ""
+    info: str = ""
+    root: str = ""
+    base: str = ""
+    scan_rate: float = 0.0
+    image_rate: float = 0.0
+    limits: tuple[float, float] = NO_LIMITS
+    view: Vector = (0.0, 0.0, 0.0)
+    upward: Vector = (0.0, 0.0, 0.0)
     turn_rate: float = 0.0  # of the lidar, a second
     frames: tuple[str, ...] = ()  # that the tree is to have below its root
     roots: tuple[str, ...] = ()  # of all trees, where there are several
