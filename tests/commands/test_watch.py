@@ -21,6 +21,7 @@ from breaking import Step, broken, place
 from browser import Browser
 from click.testing import Result
 from invoking import invoke
+from msgspec.structs import replace
 from pxr import Sdf
 from waiting import eventually
 
@@ -492,6 +493,16 @@ def test_findings_are_paired(
 ) -> None:
     found = changes_between(report(*before), report(*after))
     assert (len(found.new), len(found.changed), len(found.repaired)) == figures
+
+
+def test_a_finding_that_a_baseline_recognises_elsewhere_has_not_changed() -> None:
+    first = Finding("K47", "no-clock", "warning", "/A", "no clock", identity="/")
+    reports = [
+        Report((StageResult("a.usda", None, (replace(first, prim=prim),)),))
+        for prim in ("/A", "/B")
+    ]
+    found = changes_between(*reports)
+    assert (found.new, found.changed, found.repaired) == ((), (), ())
 
 
 def test_a_page_allows_scripts_from_disk_alone() -> None:

@@ -84,6 +84,28 @@ def test_points_by_hand_are_counted_and_the_change_is_printed(here: Path) -> Non
     assert sums(here / "book") == [JANE, JOE]
 
 
+@pytest.mark.parametrize(
+    ("points", "earned", "because"),
+    [
+        ("", 100.0, "remark: see me"),
+        ("-7.5", 92.5, "adjusted by hand: see me"),
+        ("60", 60.0, "adjusted by hand: see me"),
+        ("3d", 70.0, "late by 3 days, each 10%: see me"),
+        ("11d", 0.0, "late by 11 days, each 10%: see me"),
+    ],
+)
+def test_a_whole_submission_has_a_remark_points_or_days(
+    here: Path, points: str, earned: float, because: str
+) -> None:
+    rubric = here / "rubric.yaml"
+    content = quick_yaml.load(rubric.read_text(encoding="utf-8")) | {"late": {"per_day": 0.1}}
+    rubric.write_text(quick_yaml.dump(content), encoding="utf-8")
+    (here / "hand.csv").write_text(f"student,item,points,text\njane,,{points},see me\n")
+    regraded(here, "--adjust", here / "hand.csv")
+    row = student_in(read_gradebook(here / "book"), "jane")
+    assert (row["earned"], row["because"]) == (earned, [because])
+
+
 def test_what_only_a_person_can_judge_is_no_longer_open(here: Path) -> None:
     before = student_in(read_gradebook(here / "book"), "jane")["items"][-1]
     assert (before["id"], before["state"], before["possible"]) == ("video", "open", 0.0)
@@ -195,7 +217,8 @@ def test_a_table_without_lines_takes_everything_back(here: Path) -> None:
         ("joe,clock,+11,x", "line 2: +11 points are more than the item's 10"),
         ("joe,clock,nan,x", "line 2: 'nan' is not a number of points"),
         ("joe,clock,1,", "line 2: has no text"),
-        ('joe,clock,1,"a\nb"\njoe,clock,2,c', "line 4: joe and clock stand in line 2 too"),
+        ('joe,clock,1,"a\nb"\njoe,clock,2,c', "line 4: joe and clock are in line 2 too"),
+        ("joe,,2d,late", "line 2: 2d needs `late: {per_day: 0.1}` in the rubric"),
     ],
 )
 def test_a_wrong_line_is_named_and_nothing_is_written(here: Path, line: str, why: str) -> None:

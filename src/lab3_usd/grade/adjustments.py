@@ -16,19 +16,23 @@ from lab3_usd.grade.text_table import TextTable, read_text_table
 
 ADJUSTMENTS = "adjustments.csv"  # the copy that the gradebook keeps
 _COLUMNS = ("student", "item", "points", "text")
+WHOLE = ""  # the item of what is decided about a whole submission
+_DAYS = re.compile(r"([1-9][0-9]?)d", re.ASCII)
 _POINTS = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]+)?", re.ASCII)
 
 
 class Adjustment(Struct, frozen=True):
     """What a grader decided about an item: its points, or with `is_change` a change of them.
 
-    Without points it is a remark. `line` is where it stands in the file.
+    Without points it is a remark. `line` is where it stands in the file. A whole submission may be
+    so many `days` late.
     """
 
     text: str
     points: float | None
     is_change: bool
     line: int
+    days: int = 0
 
 
 ByItem = Mapping[str, Adjustment]
@@ -56,6 +60,7 @@ def adjustments_in(
         raise UsageError(f"{path}: needs the columns {', '.join(_COLUMNS)}")
     columns = [headings.index(name) for name in _COLUMNS]
     points = {item.id: item.points for item in rubric.items}
+    points[WHOLE] = sum(points.values())
     numbers, names = _by_name(students)
     found: dict[str, dict[str, Adjustment]] = {}
     for row in table.lines:
@@ -69,14 +74,20 @@ def adjustments_in(
             ways = did_you_mean(near) or "; give the number of grades.csv"
             raise UsageError(f"{place}: {what} '{student}'{ways}")
         if item not in points:
-            raise UsageError(
-                f"{place}: the rubric has no item '{item}'; it has {', '.join(points)}"
-            )
+            known = ", ".join(filter(None, points))
+            raise UsageError(f"{place}: the rubric has no item '{item}'; it has {known}")
         if not text:
             raise UsageError(f"{place}: has no text; the student reads it as the reason")
         own = found.setdefault(called[0], {})
         if item in own:
-            raise UsageError(f"{place}: {student} and {item} stand in line {own[item].line} too")
+            what = item or "the whole submission"
+            raise UsageError(f"{place}: {student} and {what} are in line {own[item].line} too")
+        days = _DAYS.fullmatch(amount) if item == WHOLE else None
+        if days is not None and not rubric.late.per_day:
+            raise UsageError(f"{place}: {amount} needs `late: {{per_day: 0.1}}` in the rubric")
+        if days is not None:
+            own[item] = Adjustment(text, None, is_change=False, line=line, days=int(days[1]))
+            continue
         own[item] = Adjustment(
             text, _points(amount, points[item], place), amount.startswith(("+", "-")), line
         )

@@ -89,9 +89,13 @@ class Cap(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Late(Struct, frozen=True, forbid_unknown_fields=True):
-    """The share that a late submission may earn, and further late students."""
+    """The share that a late submission may earn, the one that each day takes, and further students.
+
+    The days are those that a grader adds by hand.
+    """
 
     at_most: Share = 1.0
+    per_day: Share = 0.0
     students: tuple[str, ...] = ()
 
 

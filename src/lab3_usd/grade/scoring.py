@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.grade.adjustments import Adjustment
+from lab3_usd.grade.adjustments import WHOLE, Adjustment
 from lab3_usd.grade.rubric import Cap, Item, Rubric, fits_name
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult, is_among
 from lab3_usd.model.grade import ADJUSTED, REMARK
@@ -195,7 +195,8 @@ def grade_facts(
 ) -> Grade:
     """Return the points for what is known of a submission.
 
-    What a grader decides `by_hand` about an item changes no other item; being late limits the sum.
+    What a grader decides `by_hand` about an item changes no other item; being late limits the sum,
+    and what is decided about the whole submission comes last.
     """
     stages = {stage.checkpoint: stage for stage in facts.stages}
     grades: dict[str, ItemGrade] = {}
@@ -212,7 +213,23 @@ def grade_facts(
             adjusted[item.id], remark = _adjusted(item, graded, by_hand[item.id])
             lost.append(remark)
         lost += _in_cents(item, graded, losses)
-    return _total(rubric, {**grades, **adjusted}, tuple(lost), late=late)
+    total = _total(rubric, {**grades, **adjusted}, tuple(lost), late=late)
+    return total if WHOLE not in by_hand else _decided(rubric, total, by_hand[WHOLE])
+
+
+def _decided(rubric: Rubric, total: Grade, by_hand: Adjustment) -> Grade:
+    """Return the points of a submission with what a grader decided about it as a whole."""
+    points, because = total.earned, f"{REMARK}{by_hand.text}"
+    if by_hand.days:
+        points -= by_hand.days * rubric.late.per_day * total.possible
+        days = f"{by_hand.days} day{'s' * (by_hand.days > 1)}"
+        because = f"late by {days}, each {rubric.late.per_day:.0%}: {by_hand.text}"
+    elif by_hand.points is not None:
+        points = by_hand.points + (points if by_hand.is_change else 0.0)
+        because = f"{ADJUSTED}{by_hand.text}"
+    earned = total.earned if points == total.earned else _cents(max(0.0, points), total.possible)
+    percent = _cents(100 * earned / total.possible, 100.0) if total.possible else None
+    return replace(total, earned=earned, percent=percent, because=(*total.because, because))
 
 
 def _adjusted(item: Item, graded: ItemGrade, by_hand: Adjustment) -> tuple[ItemGrade, Deduction]:

@@ -21,7 +21,7 @@ from lab3_usd.commands.shared.reporting import write_report
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.installation import install_command
 from lab3_usd.model.finding import Finding, Report, StageResult
-from lab3_usd.report.entries import ReportedFinding, entries, site
+from lab3_usd.report.entries import entries, fingerprinted, site
 from lab3_usd.report.safe_text import printable
 
 # Milliseconds without another event before a save counts as over, and at most.
@@ -93,7 +93,15 @@ def holds(top: str, changed: Iterable[str]) -> bool:
     return any(path == whole or path.startswith(f"{whole}{os.sep}") for path in changed)
 
 
-_Place = tuple[str, str, str, str | None]
+_Key = tuple[str, str]  # file, and a fingerprint
+
+
+class _Known(NamedTuple):
+    """A finding, its file, and what it is recognised by in another report."""
+
+    path: str
+    key: _Key
+    finding: Finding
 
 
 class ReportChanges(Struct, frozen=True):
@@ -106,54 +114,49 @@ class ReportChanges(Struct, frozen=True):
 
 
 def changes_between(before: Report, after: Report) -> ReportChanges:
-    """Compare two reports; a finding that only moved to another line is unchanged.
+    """Compare two reports as a baseline does; a finding that only moved is unchanged.
 
     A finding of one rule at one place that says something else now is changed. Of a file that
     cannot be read nothing is known: its findings are neither repaired nor left.
     """
     unread = {result.path for result in after.results if result.verdict == "unreadable"}
-    old, unknown = list[ReportedFinding](), list[ReportedFinding]()
-    for entry in entries(before):
-        is_unknown = entry.path in unread and entry.finding.unopened != "stage"
-        (unknown if is_unknown else old).append(entry)
-    new = list(entries(after))
-    known = Counter(map(_site_and_message, old))
-    known.subtract(map(_site_and_message, new))
-    added = list(_surplus(new, -known))
-    repaired = list(_surplus(old, +known))
+    old, unknown = list[_Known](), list[_Known]()
+    for known in _known(before):
+        is_unknown = known.path in unread and known.finding.unopened != "stage"
+        (unknown if is_unknown else old).append(known)
+    new = list(_known(after))
+    counts = Counter((known.key, known.finding.message) for known in old)
+    counts.subtract((known.key, known.finding.message) for known in new)
+    added = list(_surplus(new, -counts))
+    repaired = list(_surplus(old, +counts))
     changed = []
-    for entry in list(added):
-        twin = next((known for known in repaired if _place(known) == _place(entry)), None)
+    for known in list(added):
+        twin = next((other for other in repaired if other.key == known.key), None)
         if twin is not None:
-            added.remove(entry)
+            added.remove(known)
             repaired.remove(twin)
-            changed.append(entry)
+            changed.append(known)
     return ReportChanges(
-        tuple(entry.finding for entry in added),
-        tuple(entry.finding for entry in changed),
-        tuple(entry.finding for entry in repaired),
-        tuple(entry.finding for entry in unknown),
+        tuple(known.finding for known in added),
+        tuple(known.finding for known in changed),
+        tuple(known.finding for known in repaired),
+        tuple(known.finding for known in unknown),
     )
 
 
-def _place(entry: ReportedFinding) -> _Place:
-    finding = entry.finding
-    return entry.path, finding.rule, finding.prim, finding.property
+def _known(report: Report) -> Iterator[_Known]:
+    """Yield every finding with what a baseline recognises it by."""
+    for entry, text in fingerprinted(report):
+        yield _Known(entry.path, (entry.path, text.partition(":")[0]), entry.finding)
 
 
-def _site_and_message(entry: ReportedFinding) -> tuple[_Place, str]:
-    return _place(entry), entry.finding.message
-
-
-def _surplus(
-    reported: list[ReportedFinding], more: Counter[tuple[_Place, str]]
-) -> Iterator[ReportedFinding]:
-    """Yield as many entries as one report has more than the other."""
+def _surplus(reported: list[_Known], more: Counter[tuple[_Key, str]]) -> Iterator[_Known]:
+    """Yield as many findings as one report has more than the other."""
     left = Counter(more)
-    for entry in reported:
-        if left[_site_and_message(entry)] > 0:
-            left[_site_and_message(entry)] -= 1
-            yield entry
+    for known in reported:
+        if left[known.key, known.finding.message] > 0:
+            left[known.key, known.finding.message] -= 1
+            yield known
 
 
 def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str]:
