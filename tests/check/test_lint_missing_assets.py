@@ -7,11 +7,12 @@ from pathlib import Path
 
 import pytest
 import quick_yaml
-from foreign_robots import ROBOTS, TICK, rover, write_graph
+from foreign_robots import ROBOTS, TICK, body, revolute, rover, write_graph
 from linting import broken_robot, found_by, said_by
 from missing_assets import ROVER, rover_of_a_missing_asset
 from places import TESTS
 from pxr import Sdf, Usd, UsdPhysics
+from robot_kinds import rollers
 from splines_noted import copy_of
 
 from lab3_usd.model.finding import NodeCoverage, StageResult
@@ -379,3 +380,13 @@ def test_an_asset_that_is_missing_in_a_wheel_may_hold_its_shape(tmp_path: Path) 
     stage.GetAttributeAtPath("/World/Drive/drive.inputs:wheelRadius").Set(1.0)
     stage.DefinePrim(f"{ROVER}/left_wheel/tyre").GetReferences().AddReference("./tyre.usd")
     assert "K64" not in {finding.rule for finding in result_of(stage, tmp_path).findings}
+
+
+def test_joints_of_an_arm_are_not_those_that_a_setup_finds_by_their_rollers() -> None:
+    stage, robot = rollers(), "/World/Mecanum"
+    body(stage, f"{robot}/link", (0, 0, 0.5)).GetReferences().AddReference("gone.usd")
+    joint = revolute(stage, f"{robot}/lift", f"{robot}/base", f"{robot}/link", (0, 0, 0.4), "Y")
+    UsdPhysics.DriveAPI(joint, "angular").GetStiffnessAttr().Set(3000.0)
+    assert found_by("K62", stage).findings == ()
+    joint.CreateAttribute("isaacmecanumwheel:angle", Sdf.ValueTypeNames.Float).Set(45.0)
+    assert [finding.prim for finding in found_by("K62", stage).findings] == [f"{robot}/lift"]

@@ -45,7 +45,8 @@ _HOLDING = 2.0
 class Command(Struct, frozen=True, eq=False):
     """A node that moves joints: its robot, and the joints that it names.
 
-    `names` is None where they are unknown or given by number.
+    `names` is None where they are unknown or given by number. Those that a node finds have the
+    attribute `marked_by`.
     `robot` is '' where the stage does not tell; `unknown` is a missing asset that could hold it.
     """
 
@@ -56,6 +57,7 @@ class Command(Struct, frozen=True, eq=False):
     roots: tuple[str, ...]
     names: tuple[str, ...] | None
     unknown: UnresolvedAsset | None
+    marked_by: str = ""
 
 
 @once_per_stage
@@ -105,7 +107,19 @@ def _commands(stage: StageModel) -> Iterator[Command]:
             roots=tuple(articulations(aim, stage)) if aim else (),
             names=None if is_by_number and not names else names,
             unknown=stage.unknown_below(aim) if aim else None,
+            marked_by=_mark(node, ports.joints, stage),
         )
+
+
+def _mark(node: Node, port: str, stage: StageModel) -> str:
+    """Return the attribute of the joints whose names another node finds by it; '' for others."""
+    listings = (
+        (source.type.lists_joints, output)
+        for source, output in live_sources(node, port, live_nodes(stage))
+        if source.type is not None
+    )
+    found = (found.attribute for found, output in listings if found and output == found.output)
+    return next(found, "")
 
 
 def _found_joints(node: Node, port: str, stage: StageModel) -> tuple[str, ...] | None:
@@ -335,6 +349,7 @@ def reached_joints(command: Command, stage: StageModel, *, with_wheels: bool = F
         for joint in joints
         if joint.type in DRIVEN_AXES
         and joint.name not in others
+        and (not command.marked_by or command.marked_by in joint.attributes)
         and not any(_MIMIC in api for api in joint.apis)
         and (is_fixed or (with_wheels and _has_drive(joint)) or not _rolls(joint, joints, stage))
         and (is_chain or (_has_drive(joint) and not is_excluded(joint)))
