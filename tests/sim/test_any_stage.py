@@ -616,6 +616,16 @@ def test_a_car_gets_going_and_stops_as_its_acceleration_lets_it(tmp_path: Path) 
     assert set(found.values()) == {"ok"}, found
 
 
+def test_a_graph_aims_at_the_only_prim_that_refers_to_it(tmp_path: Path) -> None:
+    stage = rover()
+    aim = stage.GetRelationshipAtPath("/World/Camera/product.inputs:cameraPrim")
+    aim.SetTargets(["/World/Camera/product/_OMNI_GRAPH_TARGET"])
+    assert by_name(played(stage, tmp_path))["topics"].verdict == "bad"
+    eye = stage.GetPrimAtPath("/World/Rover/chassis/eye")
+    eye.CreateRelationship("omniGraphs").SetTargets(["/World/Camera"])
+    assert by_name(played(stage, tmp_path))["topics"].verdict == "ok"
+
+
 def test_a_robot_on_rollers_goes_to_any_side(tmp_path: Path) -> None:
     found = played(rollers(), tmp_path)
     assert (by_name(found)["follows"].message, found.verdict) == ("", "ok")

@@ -77,8 +77,12 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
                 nodes[parent].append(_node(prim, path, time))
         else:
             prims[path] = _prim(prim, path, kind, time, prims, missing)
+    users = _only_users(prims, platform)
     nodes = {
-        graph: [_of_platform(node, platform) for node in found] for graph, found in nodes.items()
+        graph: [
+            _used_by(_of_platform(node, platform), users.get(graph), platform) for node in found
+        ]
+        for graph, found in nodes.items()
     }
     types = {node.path: node.type for found in nodes.values() for node in found}
     compounds = compounds_in(stage, graphs, types, platform.building.compound)
@@ -139,6 +143,28 @@ def _of_platform(node: SceneNode, platform: Platform) -> SceneNode:
     """Return a node whose type has the name that the platform has for it."""
     name = platform.type_name(node.type)
     return node if name == node.type else replace(node, type=name)
+
+
+def _only_users(prims: Mapping[str, ScenePrim], platform: Platform) -> dict[str, str]:
+    """Return the prims that refer to graphs, by the graph, where one alone does."""
+    users: dict[str, list[str]] = {}
+    for prim in prims.values():
+        for graph in prim.targets.get(platform.graph.evaluation.reference, ()):
+            users.setdefault(graph, []).append(prim.path)
+    return {graph: found[0] for graph, found in users.items() if len(found) == 1}
+
+
+def _used_by(node: SceneNode, user: str | None, platform: Platform) -> SceneNode:
+    """Return a node that aims at the user of its graph where it names what stands for that."""
+    placeholder = platform.graph.evaluation.placeholder
+    named = {path for paths in node.targets.values() for path in paths}
+    if user is None or not any(path.rpartition("/")[2] == placeholder for path in named):
+        return node
+    targets = {
+        name: tuple(user if path.rpartition("/")[2] == placeholder else path for path in paths)
+        for name, paths in node.targets.items()
+    }
+    return replace(node, targets=targets)
 
 
 def _named(node: SceneNode, known: Mapping[str, Mapping[str, OtherName]]) -> SceneNode:
