@@ -315,6 +315,21 @@ def test_a_diff_is_applied_by_the_usual_programs(
         assert (done.returncode, path.read_bytes()) == (0, right.encode()), done.stderr
 
 
+def test_a_diff_of_a_binary_stage_is_shown_where_no_file_can_be_beside_it(tmp_path: Path) -> None:
+    stage = broken("02", [WRONG_RADIUS])
+    layer = stage.GetRootLayer()
+    Sdf.Layer.CreateNew(str(tmp_path / "lamp.usda")).Save()
+    stage.DefinePrim("/lamp").GetReferences().AddReference("./lamp.usda")
+    path = (
+        tmp_path / f"{load_lab().checkpoints['02'].file}_{'x' * 220}.usdc"
+    )  # no longer name can be
+    layer.Export(str(path))
+    result = invoke("fix", "--diff", path)
+    assert f"{RADIUS}: 0.033 -> 0.025" in result.output
+    assert "lamp" not in result.output
+    assert not [*tmp_path.glob(".*")]
+
+
 @needs_programs
 @pytest.mark.skipif(os.name == "nt", reason="has no such names")
 @pytest.mark.parametrize("name", ["two words", "été", "a\ttab", 'a "quote" \\ é'])

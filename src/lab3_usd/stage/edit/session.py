@@ -88,6 +88,20 @@ def crate_bytes(layer: Sdf.Layer) -> bytes:
         return path.read_bytes()
 
 
+def anchored(data: bytes, home: Path, copy: Path) -> None:
+    """Write a layer that stands at `home` to another place, from where it finds the same assets."""
+    from pxr import UsdUtils
+
+    copy.write_bytes(data)
+    layer, folder = Sdf.Layer.OpenAsAnonymous(str(copy)), home.resolve().parent
+
+    def absolute(asset: str) -> str:
+        return str(folder / asset) if (folder / asset).exists() else asset
+
+    UsdUtils.ModifyAssetPaths(layer, absolute)
+    layer.Export(str(copy))
+
+
 def render_prim(layer: Sdf.Layer, path: str) -> str:
     """Return a layer that holds one prim with its properties and without its children.
 
