@@ -228,6 +228,13 @@ ALMOST: dict[str, tuple[Files, list[str]]] = {
 }
 
 
+def test_a_later_output_that_contradicts_a_right_one_is_a_note(tmp_path: Path) -> None:
+    files = {"topic_hz_scan.txt": RATE, "z_hz.txt": f"$ ros2 topic hz /scan\n{NO_RATE}"}
+    [note] = problems(subject(tmp_path, {**diagnostics(), **files}))["E04"]
+    assert (note.severity, note.unmet) == ("note", ())
+    assert note.message.endswith("topic_hz_scan.txt shows it right")
+
+
 @pytest.mark.parametrize(("files", "rules"), ALMOST.values(), ids=ALMOST)
 def test_what_shows_enough_has_no_problem(tmp_path: Path, files: Files, rules: list[str]) -> None:
     assert list(problems(subject(tmp_path, {**diagnostics(), **files}))) == rules

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Check
 from lab3_usd.model.finding import Problem, StageResult
@@ -234,10 +235,16 @@ def judge_best(
 ) -> list[Problem]:
     """Judge every output of one command and return what is wrong with the best of them.
 
-    A fault that a later output shows repaired is no fault; of equals the last one counts.
+    A fault that a later output shows repaired is no fault; of equals the last one counts. Where a
+    later one has a fault that it lacks, a note says so.
     """
-    problems = [judge(observation) for observation in shown]
-    return min(reversed(problems), key=len, default=[])
+    judged = [(judge(observation), number) for number, observation in enumerate(shown)]
+    problems, best = min(reversed(judged), key=lambda each: len(each[0]), default=([], 0))
+    later = [found[-1] for found, number in judged if found and number > best]
+    if problems or not later:
+        return problems
+    message = f"{later[-1].message}; {shown[best].file} shows it right"
+    return [replace(later[-1], message=message, severity="note", fix=(), unmet=())]
 
 
 _RECORDING_ENDINGS = (".mcap", ".db3", ".mcap.zstd", ".db3.zstd")
