@@ -1,9 +1,10 @@
 """Writes `graphs/isaac/early_releases.yaml`: what releases of before Isaac Sim 5.0 have otherwise.
 
-Run `python docs/make_early_releases.py CLONE EXTENSIONS`. CLONE is a git clone of
+Run `python docs/make_early_releases.py CLONE EXTENSIONS LATER`. CLONE is a git clone of
 isaac-sim/IsaacSim with its tags. EXTENSIONS is one of a repository that holds the extensions of
-2022.2.1: names, ports, types and defaults come from the interfaces that OmniGraph generated there,
-versions from the stages beside them. Of the releases between only what `BETWEEN` says is public.
+2022.2.1, LATER of 2023.1.1: names, ports, types and defaults come from the interfaces that
+OmniGraph generated there, versions from its stages and tests beside them. Of the releases between
+only what `BETWEEN` says is public.
 """
 
 from __future__ import annotations
@@ -33,6 +34,7 @@ from make_node_types import (
 
 FIRST, LIKE = "2022.2", "5.0"
 COMMIT = "a1c50ab78c20ca06d257918c1f22fa451fca5ea7"
+SECOND, SECOND_COMMIT = "2023.1", "ec7e05da4c58df7825b82828ad10b592e3d0ed00"
 # How an interface names types, beside those that OGN names so, too.
 _VECTORS = re.compile(r"^(double|float|int)([234])(\[\])?$")
 _ROLES = re.compile(r"^(vector|point|color|normal|matrix)([34])([dfh])(\[\])?$")
@@ -49,15 +51,6 @@ TIME, ARTICULATION = f"{PLANS}IsaacReadSimulationTime", f"{PLANS}IsaacArticulati
 DIFFERENTIAL = f"{CONTROLLER}DifferentialController"
 # What is public of the others: type, ports and tokens that they share with 2022.2.
 BETWEEN: dict[str, dict[str, tuple[str, ...]]] = {
-    "2023.1": {
-        GRIPPER: ("*",),
-        CAMERA: ("inputs:type",),
-        TIME: ("inputs:swhFrameNumber",),
-        ARTICULATION: ("inputs:usePath",),
-        DIFFERENTIAL: ("outputs:positionCommand", "outputs:effortCommand"),
-        # OgnHolonomicControllerDatabase.py of phgandhi02/isaac_sim-2023.1.1
-        f"{CONTROLLER}HolonomicController": ("*",),
-    },
     "4.2": {
         GRIPPER: ("*",),
         CAMERA: ("inputs:type",),
@@ -73,18 +66,18 @@ NAMED = {
 BINARY = "isaacsim.util.debug_draw."  # whose nodes no release has in its public source
 
 
-def interfaces(extensions: Path) -> Types:
-    """Return every node type of 2022.2.1 by its name, as `.ogn` files write them."""
-    names = _git(extensions, "ls-tree", "-r", "--name-only", COMMIT).splitlines()
-    versions = dict(_versions(extensions, names))
+def interfaces(extensions: Path, commit: str) -> Types:
+    """Return every node type of a release by its name, as `.ogn` files write them."""
+    names = _git(extensions, "ls-tree", "-r", "--name-only", commit).splitlines()
+    versions = dict(_versions(extensions, commit, names))
     found: Types = {}
     for name in names:
         if re.match(r"exts/omni\.(isaac|replicator)\..*Database\.py$", name):
-            text = _git(extensions, "show", f"{COMMIT}:{name}")
+            text = _git(extensions, "show", f"{commit}:{name}")
             known = re.search(r"nodes of type ([\w.]+)", text)
             if known is not None:
                 kind = known[1]
-                version = versions.get(kind, 1)
+                version = versions.get(kind, versions.get(kind.replace(".", "_"), 1))
                 found[kind] = {"version": version, "uiName": _title(kind), **_ports(text)}
     return dict(sorted(found.items()))
 
@@ -105,11 +98,14 @@ def _changes(entry: Mapping[str, Any], base: Mapping[str, Any]) -> dict[str, Any
     return {**found, "defaults": defaults} if defaults else found
 
 
-def _versions(extensions: Path, names: list[str]) -> Iterator[tuple[str, int]]:
+def _versions(extensions: Path, commit: str, names: list[str]) -> Iterator[tuple[str, int]]:
+    """Yield the version of each type, by its name or, where a test tells, with underscores."""
     pair = re.compile(r'node:type = "([\w.]+)"\s+int node:typeVersion = (\d+)')
+    tested = re.compile(r'/Template_(\w+)"\)(?:.|\n)*?type_version\(node_type_name\), (\d+)')
     for name in names:
-        if name.endswith("Template.usda"):
-            for kind, version in pair.findall(_git(extensions, "show", f"{COMMIT}:{name}")):
+        found = pair if name.endswith("Template.usda") else tested
+        if found is pair or re.search(r"/tests/TestOgn\w+\.py$", name):
+            for kind, version in found.findall(_git(extensions, "show", f"{commit}:{name}")):
                 yield kind, int(version)
 
 
@@ -123,7 +119,7 @@ def _ports(text: str) -> dict[str, dict[str, Any]]:
         kind, extended = str(row.elts[1].value), row.elts[2].value
         said: dict[str, Any] = {"type": kind.split(",") if extended else _ogn(kind)}
         default = ast.literal_eval(row.elts[7])
-        if default is not None and not extended and kind not in {"bundle", "execution"}:
+        if default is not None and not extended and kind not in {"bundle", "execution", "target"}:
             said["default"] = default
         tokens = [
             ast.literal_eval(value)
@@ -154,22 +150,30 @@ def canonical(kind: str, names: Mapping[str, Any], known: Mapping[str, Any]) -> 
     return now if now in known or len(near) != 1 or "ros_bridge" in kind else near[0]
 
 
-def lines(clone: Path, extensions: Path) -> Iterator[str]:
+def lines(clone: Path, extensions: Path, later_ones: Path) -> Iterator[str]:
     """Yield the lines of the file."""
     now = node_types(clone, TAG)
     names = yaml.safe_load((FOLDER / "renames.yaml").read_text(encoding="utf-8"))
     later = {**node_types(clone, EARLIER[LIKE]), **now}
-    types = {canonical(kind, names, later): said for kind, said in interfaces(extensions).items()}
+    types, second = (
+        {canonical(kind, names, later): said for kind, said in interfaces(*each).items()}
+        for each in ((extensions, COMMIT), (later_ones, SECOND_COMMIT))
+    )
     gone = {
         kind: said
         for kind, said in types.items()
         if kind not in later and not kind.startswith(BINARY)
     }
-    gone |= {kind: {"uiName": _title(kind), "is_open": True} for kind in NAMED}
-    changed = {kind: _changes(types[kind], now[kind]) for kind in sorted(types.keys() & now)}
+    named = {kind: {"uiName": _title(kind), "is_open": True} for kind in NAMED}
+    gone |= {kind: second.get(kind, said) for kind, said in named.items()}
+    changed, changed_later = (
+        {kind: _changes(each[kind], now[kind]) for kind in sorted(each.keys() & now)}
+        for each in (types, second)
+    )
     yield "# What releases of before Isaac Sim 5.0 have otherwise than 6.0.1, as in versions.yaml."
     yield f"# 2022.2: facts read off the generated interfaces of 2022.2.1 ({COMMIT[:10]} of"
-    yield "# swadaskar/Isaac_Sim_Folder). The others: what is public, and all else `like` 5.0."
+    yield f"# swadaskar/Isaac_Sim_Folder), 2023.1: of 2023.1.1 ({SECOND_COMMIT[:10]} of"
+    yield "# phgandhi02/isaac_sim-2023.1.1). The others: what is public, and all else `like` 5.0."
     yield "# By docs/make_early_releases.py: change that, not this."
     yield ""
     yield "gone:  # types that no release from 5.0 on has, by the first and the last that has them"
@@ -187,6 +191,9 @@ def lines(clone: Path, extensions: Path) -> Iterator[str]:
     yield f'  "{FIRST}":'
     yield f"    lacks: {json.dumps(sorted(set(now) - set(types)))}"
     yield from release_lines({}, changed, "    ")
+    yield f'  "{SECOND}":'
+    yield f'    like: "{LIKE}"'
+    yield from release_lines({}, changed_later, "    ")
     for release, shared in BETWEEN.items():
         yield f'  "{release}":'
         yield f'    like: "{LIKE}"'
@@ -209,5 +216,5 @@ def _shared(changes: Mapping[str, Any], ports: tuple[str, ...]) -> dict[str, Any
 
 
 if __name__ == "__main__":
-    text = "\n".join(lines(Path(sys.argv[1]), Path(sys.argv[2]))) + "\n"
+    text = "\n".join(lines(*map(Path, sys.argv[1:4]))) + "\n"
     (FOLDER / "early_releases.yaml").write_text(text, encoding="utf-8")

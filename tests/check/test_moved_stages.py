@@ -16,6 +16,7 @@ from lab3_usd.facts.saved_releases import saved_by
 from lab3_usd.fix.repairing import Fixed, FixOptions, fix_linted
 from lab3_usd.model.finding import ordered
 from lab3_usd.pipeline.any_stage import lint_platform
+from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.stage_reader import read_model
 
 TIME, CLOCK, GRAPH = "/World/Clock/time", "/World/Clock/clock", "/World/Clock"
@@ -192,6 +193,16 @@ def test_a_token_of_a_later_release_is_replaced_on_demand(tmp_path: Path) -> Non
     for unsafe, kept in ((False, "rgb_h264"), (True, "rgb")):
         _, stage = moved(steps, tmp_path, "6.0", "5.1", unsafe=unsafe)
         assert value(stage, f"{CAMERA}.inputs:type") == kept
+
+
+@pytest.mark.parametrize(
+    ("release", "is_right"), [("2022.2", True), ("2023.1", True), ("4.2", False)]
+)
+def test_ports_of_2023_1_are_right_there(release: str, *, is_right: bool) -> None:
+    kind = "isaacsim.ros2.bridge.ROS2PublishCameraInfo"
+    ports = load_platform().in_release(release).types[kind].ports
+    assert ("inputs:focalLength" in ports) is is_right
+    assert ("inputs:k" in ports) is not is_right
 
 
 def test_a_release_before_4_5_knows_no_names_of_today(tmp_path: Path) -> None:
