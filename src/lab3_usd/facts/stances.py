@@ -67,6 +67,15 @@ def driven_machines(stage: StageModel) -> Iterator[tuple[Node, Machine]]:
             yield command.node, machine
 
 
+def are_weighed(bodies: Iterable[str], stage: StageModel) -> bool:
+    """Whether each body says by a mass, a centre of mass or a collider where its weight is."""
+    known = joined_bodies(stage)
+    shaped = {known.carrier(bounds.path) for bounds in stage.colliders.bounds()}
+    return all(
+        body in shaped or {MASS, CENTRE} & {*stage.prims[body].attributes} for body in bodies
+    )
+
+
 def _is_doubtful(stage: StageModel) -> bool:
     """Whether boxes do not tell that a robot stands on its wheels and is in nothing."""
     known = joined_bodies(stage)
