@@ -42,6 +42,7 @@ from lab3_usd.sim.judge.expectations import (
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import SHORT
 from lab3_usd.sim.judge.topics import (
+    SLOW,
     expected_at,
     expected_of_each,
     map_topic,
@@ -54,7 +55,6 @@ from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
 GAP = 0.5  # seconds without a transform
-SLOW = 5.0  # times its usual pause, from which on it is missing
 QUIET = 3.0  # seconds without the transform of localization
 LEAST = 0.5  # metres to drive, from which on the whole way is judged
 TWIST = (0.05, 0.3)  # m/s or rad/s, and part, between speeds and the way

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from itertools import pairwise
 from typing import Any
 
@@ -15,6 +15,7 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
+from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
 from lab3_usd.spec.contradictions.names import graph_topics, spec_value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
@@ -370,6 +371,7 @@ def _late(trial: Trial, topic: str, session: int) -> Iterator[RunFault]:
 
 
 STALE = 0.5  # seconds without a new transform
+SLOW = 5.0  # times its usual pause, from which on one is missing
 
 
 def tree(trial: Trial) -> Iterator[RunFault]:
@@ -410,13 +412,23 @@ def _tree_faults(trial: Trial, session: int) -> Iterator[RunFault]:
             kind: FaultKind = "several-parents" if is_reparented else "several-publishers"
             text = f"{child} has {len(several)} parents or publishers"
             yield RunFault(text, kind, several[1].publisher)
-        if messages and min(last[sent] for sent in several) < messages[-1].at - STALE:
+        if messages and any(_ends(sent, messages, last[sent]) for sent in several):
             yield RunFault(f"the transform of {child} ends", "transform-ends", several[0].publisher)
     lost = [frame for frame in trial.wanted.frames if frame not in heard.by_child]
     if last:
         yield from _loose_frames(trial, heard, session)
         if lost:
             yield RunFault(f"the tree lacks {', '.join(lost)}", "missing-frame")
+
+
+def _ends(sent: SentTransform, messages: Sequence[Message], last: float) -> bool:
+    """Whether a transform no longer comes at the end, by how often it did."""
+    silence = messages[-1].at - last
+    if silence <= STALE:
+        return False
+    names = (sent.parent, sent.child)
+    times = [m.at for m in messages if m.node == sent.publisher and names in m.frames]
+    return silence > SLOW * (times[-1] - times[0]) / max(1, len(times) - 1)
 
 
 def _loose_frames(trial: Trial, heard: Tree[SentTransform], session: int) -> Iterator[RunFault]:
