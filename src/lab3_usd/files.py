@@ -173,6 +173,15 @@ def temporary_beside(target: Path, suffix: str = "") -> Path:
     return temporary
 
 
+def first_bytes(path: Path, most: int) -> bytes:
+    """Return what a file begins with; nothing of one that cannot be read."""
+    try:
+        with path.open("rb") as file:
+            return file.read(most)
+    except OSError:
+        return b""
+
+
 @contextmanager
 def copy_beside(target: Path, data: bytes, suffix: str = "") -> Iterator[Path]:
     """Hold what may come to stand at `target` in a file beside it, whence its assets are found.

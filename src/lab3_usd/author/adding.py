@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.author.choosing import present_prim
-from lab3_usd.author.editing import Editing, open_for_edits
+from lab3_usd.author.editing import Editing
 from lab3_usd.author.frame_holes import sent_frames
 from lab3_usd.author.holes import fill, subjects
 from lab3_usd.author.places import graph_to_extend, new_path
@@ -31,6 +31,7 @@ from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.edit.added import added_prims, variants_at
+from lab3_usd.stage.edit.session import open_for_edits
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.stage_reader import read_model

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from lab3_usd.author.adding import Addition, AddOptions, add_one, new_findings, with_frames
 from lab3_usd.author.choosing import robot_line
-from lab3_usd.author.editing import Editing, open_for_edits
+from lab3_usd.author.editing import Editing
 from lab3_usd.author.places import graph_to_extend, refuse_place
 from lab3_usd.author.request import Request, options_of
 from lab3_usd.errors import AmbiguousError, GraphError, NewFindingsError, UsageError
@@ -30,6 +30,7 @@ from lab3_usd.isaac.graph import (
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.changes import AddGraph, Connect, wire_edit
+from lab3_usd.stage.edit.session import open_for_edits
 from lab3_usd.stage.read.opening import quiet
 
 _BY_HAND = "python"  # the kind of a graph that no recipe brought

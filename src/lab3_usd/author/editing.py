@@ -11,7 +11,7 @@ from msgspec import Struct
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.errors import StageError
-from lab3_usd.files import FileState, read_state
+from lab3_usd.files import FileState
 from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import Edit
@@ -20,29 +20,8 @@ from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.edit.repairs import apply_edit
 from lab3_usd.stage.edit.session import EditSession
-from lab3_usd.stage.read.opening import check_file, open_stage
 from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.stage_reader import read_model
-
-_PACKAGE = ".usdz"
-
-
-def open_for_edits(path: Path) -> tuple[Any, FileState]:
-    """Open a stage whose root layer is going to be edited.
-
-    Raises:
-        StageError: it cannot be opened, or is a package.
-    """
-    if path.suffix.lower() == _PACKAGE:
-        raise StageError(
-            f"{path}: is a package, which is not edited; unpack it, or write --layer FILE beside it"
-        )
-    check_file(path)
-    try:
-        state = read_state(path)
-    except OSError as error:
-        raise StageError(f"{path}: cannot be read ({error.strerror})") from error
-    return open_stage(path), state
 
 
 class Editing(Struct, eq=False):

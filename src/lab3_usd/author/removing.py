@@ -7,7 +7,7 @@ from pathlib import Path
 
 from msgspec import Struct
 
-from lab3_usd.author.editing import Editing, open_for_edits
+from lab3_usd.author.editing import Editing
 from lab3_usd.author.request import Request, recipe_of
 from lab3_usd.errors import AmbiguousError, UsageError
 from lab3_usd.facts.endpoints import endpoints
@@ -21,6 +21,7 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.stage.edit.added import added_prims, is_bare, is_in_root_alone, is_over
+from lab3_usd.stage.edit.session import open_for_edits
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.properties import release_start_values
 

@@ -13,7 +13,7 @@ from pathlib import Path, PurePosixPath
 
 from msgspec.structs import replace
 
-from lab3_usd.files import is_original
+from lab3_usd.files import first_bytes, is_original
 from lab3_usd.model.folder import FolderFile, Listing, StageFile
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.submission import (
@@ -262,16 +262,10 @@ def _counts(root: Path, path: str, name: str, ending: str, deliverable: Delivera
         return False
     if not deliverable.links:
         return True
-    addresses = _ADDRESS.findall(_bytes(root / path).decode("utf-8", errors="replace"))
+    addresses = _ADDRESS.findall(
+        first_bytes(root / path, _MOST_BYTES).decode("utf-8", errors="replace")
+    )
     return any(link in address.lower() for address in addresses for link in deliverable.links)
-
-
-def _bytes(path: Path) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(_MOST_BYTES)
-    except OSError:
-        return b""
 
 
 def find_parameter_files(
@@ -282,6 +276,6 @@ def find_parameter_files(
     for entry in usable:
         top = entry.path.partition("/")[0].lower() if entry.folder else ""
         is_yaml = entry.name.lower().endswith((".yaml", ".yml")) and top not in folders.shown
-        if is_yaml and _PARAMETERS.search(_bytes(root / entry.path)):
+        if is_yaml and _PARAMETERS.search(first_bytes(root / entry.path, _MOST_BYTES)):
             paths.append(entry.path)
     return paths

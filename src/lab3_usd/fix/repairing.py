@@ -29,7 +29,7 @@ from lab3_usd.pipeline.starter_comparison import open_against_starter, open_star
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.stage.edit.repairs import apply_edit
-from lab3_usd.stage.edit.session import EditSession, Reference
+from lab3_usd.stage.edit.session import EditSession, Reference, open_for_edits
 from lab3_usd.stage.read.opening import check_file, open_stage, quiet
 from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.stage_reader import read_model
@@ -37,7 +37,6 @@ from lab3_usd.stage.read.stage_reader import read_model
 WORSE = "would make the stage worse"
 SILENCES = "would end what the dry run shows: {}"
 USELESS = "does not help"
-_PACKAGE = ".usdz"
 _ROUNDS = 8  # a missing graph needs three: the graph, its connections, what those bring to light
 
 
@@ -165,13 +164,6 @@ def fix_linted(path: Path, release: str, options: FixOptions, moved_from: str = 
     return _fixed(path, lint_stage, platform, None, options)
 
 
-def _state(path: Path) -> FileState:
-    try:
-        return read_state(path)
-    except OSError as error:
-        raise StageError(f"{path}: cannot be read ({error.strerror})") from error
-
-
 def _findings_of(file: Path, judged: RuleResults) -> tuple[Finding, ...]:
     if judged.crashes:
         raise StageError(f"{file}: rule {judged.crashes[0].rule} failed: {judged.crashes[0].error}")
@@ -186,13 +178,7 @@ def _fixed(
     options: FixOptions,
 ) -> Fixed:
     """Judge a stage, repair it, and judge it again; restore what the reference has."""
-    if path.suffix.lower() == _PACKAGE:
-        raise StageError(
-            f"{path}: is a package, which is not repaired; unpack it and repair its stage"
-        )
-    check_file(path)  # a pipe would be waited for
-    root = _state(path)
-    stage = open_stage(path)
+    stage, root = open_for_edits(path, "and repair its stage")
 
     def findings_in(file: Path, stage: Any) -> tuple[Finding, ...]:
         try:

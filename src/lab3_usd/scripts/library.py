@@ -11,7 +11,8 @@ from contextlib import suppress
 from typing import Any
 
 from lab3_usd.model.stage import Unknown
-from lab3_usd.scripts.run import MOST_ROUNDS, Arguments
+from lab3_usd.scripts.operations import listed
+from lab3_usd.scripts.run import Arguments
 from lab3_usd.scripts.values import (
     MOST_ITEMS,
     MOST_LETTERS,
@@ -206,7 +207,7 @@ def _list_function(
     name: str, values: list[Value], named: Mapping[str, Value], at: At
 ) -> Value | None:
     """Return what a function that makes a list gives, None for another function."""
-    lists = [value if isinstance(value, Items) else _keys(value) for value in values]
+    lists = [listed(value) for value in values]
     first = lists[0] if lists else Items([], at)
     if name in ("list", "tuple", "set", "frozenset", "reversed") and len(values) < 2:  # noqa: PLR2004
         if first is None:
@@ -235,14 +236,6 @@ def _list_function(
         rows = zip(*(known.items for known in lists if known is not None), strict=False)
         rest = next((known.rest for known in lists if known is not None and known.rest), None)
         return Items([Items(list(row), at, "tuple") for row in rows], at, "list", rest)
-    return None
-
-
-def _keys(value: Value) -> Items | None:
-    if isinstance(value, Table):
-        return Items(list(value.keys.values()), value.at, "list", value.rest)
-    if isinstance(value, Text) and value.unknown is None and len(value.text) < MOST_ROUNDS:
-        return Items([lifted(letter, value.at) for letter in value.text], value.at)
     return None
 
 
@@ -352,7 +345,7 @@ def _call_list(own: Items, name: str, values: list[Value], node: ast.AST) -> Val
     if name == "append" and values:
         own.extend([values[0]])
     elif name == "extend" and values:
-        more = values[0] if isinstance(values[0], Items) else _keys(values[0])
+        more = listed(values[0])
         if more is None:
             own.rest = own.rest or (values[0] if isinstance(values[0], Unknown) else unknown(node))
         else:

@@ -357,10 +357,15 @@ def create_attribute(act: Edit, node: BuiltNode, name: str) -> None:
     node.port(full).is_made = True
 
 
-def _connect(act: Edit, item: Value) -> None:
-    parts = _parts(item, act, 2)
-    if parts is not None:
-        connect(act, parts[0], parts[1], _at(item, act))
+def _of_pair(change: Callable[[Edit, Value, Value, At], None]) -> Callable[[Edit, Value], None]:
+    """Return what makes a change for an item of two parts."""
+
+    def read(act: Edit, item: Value) -> None:
+        parts = _parts(item, act, 2)
+        if parts is not None:
+            change(act, parts[0], parts[1], _at(item, act))
+
+    return read
 
 
 def connect(act: Edit, source: Value, target: Value, at: At) -> None:
@@ -379,12 +384,6 @@ def connect(act: Edit, source: Value, target: Value, at: At) -> None:
     if start[0] is None:
         act.world.outside.add(path.rpartition(".")[0])
     node.port(port).sources[path] = (at, source, target)
-
-
-def _disconnect(act: Edit, item: Value) -> None:
-    parts = _parts(item, act, 2)
-    if parts is not None:
-        disconnect(act, parts[0], parts[1], _at(item, act))
 
 
 def disconnect(act: Edit, source: Value, target: Value, at: At) -> None:
@@ -414,12 +413,6 @@ def disconnect_all(act: Edit, spec: Value, at: At) -> None:
     for other in act.world.nodes.values():
         for entry in other.ports.values():
             entry.sources.pop(f"{node.path}.{port}", None)
-
-
-def _set_value(act: Edit, item: Value) -> None:
-    parts = _parts(item, act, 2)
-    if parts is not None:
-        set_value(act, parts[0], parts[1], _at(item, act))
 
 
 def set_value(act: Edit, spec: Value, value: Value, at: At, *, later: bool = False) -> None:
@@ -482,9 +475,9 @@ _COMMANDS: dict[str, Callable[[Edit, Value], BuiltNode | None]] = {
     "create_prims": _pass_over,
     "expose_prims": _pass_over,
     "create_attributes": _create_attribute,
-    "connect": _connect,
-    "disconnect": _disconnect,
+    "connect": _of_pair(connect),
+    "disconnect": _of_pair(disconnect),
     "disconnect_all": _disconnect_all,
     "promote_attributes": _promote,
-    "set_values": _set_value,
+    "set_values": _of_pair(set_value),
 }

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 import re
 from collections.abc import Callable, Collection, Iterator, Mapping
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -17,9 +17,8 @@ from lab3_usd.stage.read.assets import blocked_path, find_unresolved, real_path
 from lab3_usd.stage.read.opening import (
     ENDINGS,
     check_file,
-    opener,
+    opening_by,
     quiet,
-    reading_cache,
     stage_errors,
 )
 
@@ -246,15 +245,9 @@ def _redirect(layer: Sdf.Layer, asset: str) -> None:
     raise StageError(f"the reference to {asset} cannot be taken out")
 
 
-@contextmanager
-def opening_within(bounds: FileBounds) -> Iterator[None]:
+def opening_within(bounds: FileBounds) -> AbstractContextManager[None]:
     """Let `open_stage` open stages within the bounds only, each once, and keep what is read."""
-    token, empty = opener.set(lambda path: _open_within(bounds, path)), reading_cache.set({})
-    try:
-        yield
-    finally:
-        opener.reset(token)
-        reading_cache.reset(empty)
+    return opening_by(lambda path: _open_within(bounds, path), {})
 
 
 def _open_within(bounds: FileBounds, path: Path) -> Usd.Stage:

@@ -10,6 +10,7 @@ from typing import Any
 from lab3_usd.deliverables.evidence import outputs
 from lab3_usd.deliverables.evidence.commands import CommandOutput, split_outputs
 from lab3_usd.deliverables.evidence.outputs import parse_messages
+from lab3_usd.files import first_bytes
 from lab3_usd.model.folder import Evidence, GoalRun, Lookup, Observation
 from lab3_usd.spec.ros import GoalSpec, RosSpec
 
@@ -92,7 +93,7 @@ def _texts(files: Mapping[str, Path]) -> dict[str, str]:
     room, found = _MOST_OF_ALL, {}
     texts = [name for name in files if _is_text(PurePosixPath(name))]
     for name in sorted(texts, key=lambda name: PurePosixPath(name).name != MANIFEST)[:_MOST_FILES]:
-        data = _beginning(files[name], min(_MOST_BYTES, room))
+        data = first_bytes(files[name], min(_MOST_BYTES, room))
         room -= len(data)
         wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
         found[name] = data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
@@ -101,14 +102,6 @@ def _texts(files: Mapping[str, Path]) -> dict[str, str]:
 
 def _is_text(name: PurePosixPath) -> bool:
     return name.name == MANIFEST or name.suffix.lower() in _ENDINGS
-
-
-def _beginning(path: Path, most: int) -> bytes:
-    try:
-        with path.open("rb") as file:
-            return file.read(most)
-    except OSError:
-        return b""
 
 
 def _facts(text: str, name: str, ros: RosSpec, *, ran: bool) -> Iterator[tuple[str, str, object]]:

@@ -14,9 +14,11 @@ from msgspec import Struct, field
 from pxr import Sdf, Tf, Usd
 
 from lab3_usd.errors import StageError
+from lab3_usd.files import FileState, read_state
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.spec.lab import STARTER, Checkpoint, Lab, articulated_at_roots
+from lab3_usd.stage.read.opening import check_file, open_stage
 from lab3_usd.stage.write.builder import checkpoint_layer, described_layer
 from lab3_usd.stage.write.starter import robots_articulated_at_root
 
@@ -24,6 +26,24 @@ NEEDS_STARTER = "needs the starter: name it with --starter"
 # The fields of a prim that edits change, beside its specifier.
 _FIELDS = ("typeName", "active", "apiSchemas")
 _OFFSETS = "subLayerOffsets"  # which usd-core cannot hand to Python
+
+
+def open_for_edits(
+    path: Path, instead: str = "or write --layer FILE beside it"
+) -> tuple[Usd.Stage, FileState]:
+    """Open a stage whose root layer is going to be edited; `instead` is what to do with a package.
+
+    Raises:
+        StageError: it cannot be opened, or is a package.
+    """
+    if path.suffix.lower() == ".usdz":
+        raise StageError(f"{path}: is a package, which is not edited; unpack it, {instead}")
+    check_file(path)  # a pipe would be waited for
+    try:
+        state = read_state(path)
+    except OSError as error:
+        raise StageError(f"{path}: cannot be read ({error.strerror})") from error
+    return open_stage(path), state
 
 
 def layer_from(text: str) -> Sdf.Layer | None:

@@ -91,12 +91,21 @@ def kept_open() -> Iterator[None]:
             known.clear()  # which names stages by where they are in memory
         return stages[name]
 
-    token, empty = opener.set(open_once), reading_cache.set(known)
+    with opening_by(open_once, known):
+        yield
+
+
+@contextmanager
+def opening_by(
+    open_path: Callable[[Path], Usd.Stage], known: dict[Hashable, Any]
+) -> Iterator[None]:
+    """Let `open_stage` open stages in this way, and keep what is read of them."""
+    token, before = opener.set(open_path), reading_cache.set(known)
     try:
         yield
     finally:
         opener.reset(token)
-        reading_cache.reset(empty)
+        reading_cache.reset(before)
 
 
 @contextmanager
