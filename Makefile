@@ -10,7 +10,7 @@ NO_PYTHON := needs Python 3.10 or newer with the module venv (Debian and Ubuntu:
 
 .DEFAULT_GOAL := help
 .PHONY: help demo test lint pytest coverage test-all test-pythons test-lowest bench sweep crosscheck agree fuzz odd \
-	site dist clean
+	site man dist clean
 
 help:
 	@echo "make demo          set up, build the nine checkpoint stages into $(OUT)/ and check them"
@@ -26,6 +26,7 @@ help:
 	@echo "make fuzz          throw damaged files at the program"
 	@echo "make odd           run the commands on stages with odd values"
 	@echo "make site          build the documentation as one site into $(OUT)/site"
+	@echo "make man           write a manual page for each command into $(OUT)/man"
 	@echo "make dist          build wheel and source archive into dist, and check their descriptions"
 	@echo "make clean         remove environments, caches and built files"
 
@@ -95,6 +96,9 @@ odd: $(VENV)/dev
 
 site: $(VENV)/dev
 	NO_MKDOCS_2_WARNING=1 $(BIN)/mkdocs build
+
+man: $(VENV)/dev
+	$(BIN)/python docs/make_man.py $(OUT)/man
 
 # What a release uploads (.github/workflows/release.yml).
 dist: $(VENV)/python

@@ -152,6 +152,8 @@ def test_completion_script_calls_back_into_lab3(shell: str) -> None:
         ("check --checkpoint", "", {"00", "08"}),
         ("build --only", "0", {"05"}),
         ("lint --format", "s", {"sarif"}),
+        ("lint --isaac", "5", {"5.0", "5.1"}),
+        ("fix --from", "", {"4.5", "auto"}),
         ("check --color", "", {"auto", "never"}),
         ("check", "wo", set()),  # files, which PowerShell completes itself
     ],

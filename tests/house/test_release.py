@@ -3,7 +3,10 @@
 from __future__ import annotations
 
 import re
+import runpy
+from pathlib import Path
 
+import pytest
 import quick_yaml
 from places import REPOSITORY
 
@@ -29,6 +32,15 @@ def test_the_change_log_has_the_version_of_the_package() -> None:
 def test_the_pages_of_rules_are_in_the_documentation_that_the_package_names() -> None:
     assert f'Documentation = "{SITE}"' in (REPOSITORY / "pyproject.toml").read_text()
     assert quick_yaml.load((REPOSITORY / "mkdocs.yml").read_text())["site_url"] == f"{SITE}/"
+
+
+@pytest.mark.filterwarnings("ignore:.*make_default_short_help:DeprecationWarning")  # click-man's
+def test_each_command_has_a_manual_page(tmp_path: Path) -> None:
+    pytest.importorskip("click_man", reason="click-man is not installed")
+    runpy.run_path(str(REPOSITORY / "docs" / "make_man.py"))["write"](tmp_path)
+    names = {path.stem.removeprefix("lab3-") for path in tmp_path.glob("lab3-*.1")}
+    assert set(all_commands()) <= names
+    assert "--isaac" in (tmp_path / "lab3-lint.1").read_text().replace("\\", "")
 
 
 def test_a_citation_names_the_version_of_the_package() -> None:

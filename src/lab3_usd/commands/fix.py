@@ -23,6 +23,7 @@ from lab3_usd.commands.shared.options import (
     assets_option,
     checkpoint_number,
     complete_checkpoints,
+    complete_releases,
     echo_folded,
     given_words,
     lab_words,
@@ -234,12 +235,14 @@ def _line(finding: Finding) -> str:
     "--isaac",
     "release",
     metavar="RELEASE",
+    shell_complete=complete_releases,
     help="With --lint: judge by this release of Isaac Sim.",
 )
 @click.option(
     "--from",
     "moved_from",
     metavar="RELEASE",
+    shell_complete=complete_releases,
     help="With --lint: also what this release, which the stage comes from, does otherwise.",
 )
 @click.option(

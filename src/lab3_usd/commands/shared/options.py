@@ -108,16 +108,33 @@ def complete_formats(
     ]
 
 
+def complete_releases(
+    _context: click.Context, param: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Offer the releases of Isaac Sim, newest first; a stage may say where it comes from."""
+    from click.shell_completion import CompletionItem
+
+    from lab3_usd.pipeline.any_stage import AUTO, lint_platform
+
+    texts = {name: f"Isaac Sim {name}" for name in reversed(lint_platform().known_releases)}
+    if "--from" in param.opts:
+        texts[AUTO] = "as the stage says"
+    known = ((name, text) for name, text in texts.items() if name.startswith(incomplete))
+    return [CompletionItem(name, help=text) for name, text in known]
+
+
 isaac_option: Option = click.option(
     "--isaac",
     "release",
     metavar="RELEASE",
+    shell_complete=complete_releases,
     help="Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
 )
 from_option: Option = click.option(
     "--from",
     "moved_from",
     metavar="RELEASE",
+    shell_complete=complete_releases,
     help="Also what this release, which the stage comes from, does otherwise; auto lets it tell.",
 )
 

@@ -13,6 +13,7 @@ from lab3_usd.commands.shared.options import (
     Option,
     all_of,
     assets_option,
+    complete_releases,
     given_words,
     made_of,
     text_or_json,
@@ -148,7 +149,13 @@ removal_options: Option = all_of(
 
 edit_options: Option = all_of(
     click.option("--force", is_flag=True, help="Write in spite of findings; replace any file."),
-    click.option("--isaac", "release", metavar="RELEASE", help="For this release of Isaac Sim."),
+    click.option(
+        "--isaac",
+        "release",
+        metavar="RELEASE",
+        shell_complete=complete_releases,
+        help="For this release of Isaac Sim.",
+    ),
     text_or_json,
     assets_option,
 )

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.shared.configuration import use_config
-from lab3_usd.commands.shared.options import assets_option, text_or_json
+from lab3_usd.commands.shared.options import assets_option, complete_releases, text_or_json
 from lab3_usd.commands.shared.paths import Input
 
 if TYPE_CHECKING:
@@ -21,7 +21,13 @@ if TYPE_CHECKING:
 
 @click.command("robots")
 @click.argument("stage", type=Input(path_type=Path))
-@click.option("--isaac", "release", metavar="RELEASE", help="Read by this release of Isaac Sim.")
+@click.option(
+    "--isaac",
+    "release",
+    metavar="RELEASE",
+    shell_complete=complete_releases,
+    help="Read by this release of Isaac Sim.",
+)
 @text_or_json
 @assets_option
 def command(stage: Path, form: str, release: str | None, assets: tuple[str, ...]) -> None:

@@ -41,6 +41,8 @@ from lab3_usd.features.grade.grading import (
 )
 
 if TYPE_CHECKING:
+    from click.shell_completion import CompletionItem
+
     from lab3_usd.grade.class_run import ClassSettings
     from lab3_usd.grade.gradebook import Row, Rows
     from lab3_usd.grade.intake.submission_copy import Limits
@@ -83,6 +85,25 @@ def _refuse_empty(
             "give a folder, an archive or an address; '.' is the current folder", context, parameter
         )
     return submissions
+
+
+def _complete_students(
+    context: click.Context, _parameter: click.Parameter, incomplete: str
+) -> list[CompletionItem]:
+    """Offer the students of the gradebook that -o names."""
+    from click.shell_completion import CompletionItem
+
+    from lab3_usd.grade.gradebook import read_gradebook
+
+    try:
+        rows = read_gradebook(Path(context.params.get("out") or ""))["students"]
+    except UsageError:
+        return []
+    return [
+        CompletionItem(row["student"], help=row["name"] or row["status"])
+        for row in rows
+        if row["student"].startswith(incomplete)
+    ]
 
 
 @click.command("grade")
@@ -132,7 +153,10 @@ def _refuse_empty(
     help="Complete a student's last upload with files of the earlier ones.",
 )
 @click.option(
-    "--explain", metavar="STUDENT", help="Print all points of one student of the gradebook -o."
+    "--explain",
+    metavar="STUDENT",
+    shell_complete=_complete_students,
+    help="Print all points of one student of the gradebook -o.",
 )
 @click.option(
     "--regrade",

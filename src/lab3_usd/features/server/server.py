@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import click
 
+from lab3_usd.commands.shared.options import complete_releases
 from lab3_usd.errors import UsageError
 from lab3_usd.installation import install_command
 
@@ -14,6 +15,7 @@ from lab3_usd.installation import install_command
     "release",
     default="",
     metavar="RELEASE",
+    shell_complete=complete_releases,
     help="Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
 )
 def command(release: str) -> None:
