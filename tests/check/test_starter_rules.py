@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from golden import assert_golden, problems_text
 from msgspec.structs import replace
-from pxr import Gf, Usd, UsdGeom
+from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from scene_changes import MATERIALS, slick
 from submissions import LAB, ROBOT, SPEC, edit_stage
 
@@ -387,6 +387,13 @@ def in_the_dark(stage: Usd.Stage) -> None:
         prim.GetAttribute("inputs:intensity").Set(0.0)
 
 
+def another_shape_switched_off(stage: Usd.Stage) -> None:
+    wheel = f"{ROBOT}/wheel_left_link"
+    stage.GetPrimAtPath(f"{wheel}/collisions").SetActive(False)  # noqa: FBT003
+    shape = UsdGeom.Cylinder.Define(stage, f"{wheel}/shape").GetPrim()
+    UsdPhysics.CollisionAPI.Apply(shape).CreateCollisionEnabledAttr(False)  # noqa: FBT003
+
+
 ARTICULATION = "PhysicsArticulationRootAPI"
 
 
@@ -399,6 +406,7 @@ ARTICULATION = "PhysicsArticulationRootAPI"
         (articulated_elsewhere, "S11"),
         (slick(*MATERIALS), "S25"),
         (in_the_dark, "S14"),
+        (another_shape_switched_off, "S06"),
     ],
 )
 def test_a_change_is_told_once_by_the_rule_of_its_effect(

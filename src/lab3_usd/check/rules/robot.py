@@ -217,6 +217,7 @@ def wheel_collision(subject: RobotSubject) -> Iterator[Problem]:
             related=(prim.path,) if site != prim.path else (),
             fix=(fix,),
             unmet=(_asked(subject, "collision", prim),),
+            covers=() if site == prim.path else ((prim.path, COLLISION_ENABLED),),
             rests_on=None if off else asset,
         )
         is_whole = False
