@@ -127,6 +127,7 @@ def test_each_fault_is_one_error_at_its_place(said: dict[str, list[Finding]]) ->
         ("lidar link moved", "S17"),
         ("base joint excluded", "S11"),
         ("base 1 mm below the wheels", "S31"),
+        ("base that tips over", "S31"),
         ("floor that looks down", "S13"),
     ],
 )

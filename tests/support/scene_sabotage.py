@@ -130,6 +130,12 @@ def _bodies() -> list[Sabotage]:
     return [
         *found,
         Sabotage("base 1 mm below the wheels", "02", low, (skirt, None)),
+        Sabotage(
+            "base that tips over",
+            "02",
+            put(f"{ROBOT}/base_link", "physics:centerOfMass", Gf.Vec3f(0.3, 0, 0.2)),
+            (f"{ROBOT}/base_footprint", None),
+        ),
         Sabotage("floor that looks down", "02", floor_of_mesh("leftHanded"), (_MESH, None)),
         Sabotage("base kinematic", "02", kinematic, site),
         Sabotage("wheel of no scene", "02", aim(wheel, owner, "/gone"), (wheel, owner)),

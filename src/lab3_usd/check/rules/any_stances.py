@@ -97,7 +97,7 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
                 problem,
                 handout=subject.lab.handout.behind("S19", robot.handout),
                 related=(*problem.related, robot.path),
-                fix=(Restore(problem.prim), Restore(body)),
+                fix=(Restore(problem.prim), Restore(body)) if body != problem.prim else (),
                 unmet=(at_rest(robot),),
                 assumes=(*problem.assumes, *((path, None) for path in (robot.path, *turned))),
             )
@@ -125,7 +125,7 @@ def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
         path,
         text,
         expected="the weight on the wheels",
-        related=(machine.base,),
+        related=() if path == machine.base else (machine.base,),
         assumes=(*((part, None) for part in parts), *shapes, *(weights if tips else ())),
         rests_on=stage.unknown_below(commonpath(machine.rest)),
     )
