@@ -11,12 +11,14 @@ from pathlib import Path
 
 import pytest
 import quick_yaml
+from click.shell_completion import ShellComplete
 from html_pages import read
 from invoking import invoke
 from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
 from workers_here import graded_here, workers_here
 
 from lab3_usd.errors import UsageError
+from lab3_usd.features.grade import grade
 from lab3_usd.grade import class_run, gradebook
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.feedback import reasons_by_student
@@ -82,6 +84,15 @@ def test_points_by_hand_are_counted_and_the_change_is_printed(here: Path) -> Non
         "joe: 98.17 of 100 -> 99.17 of 100 (+1.00)",
     ]
     assert sums(here / "book") == [JANE, JOE]
+
+
+@pytest.mark.parametrize(("book", "students"), [("book", ["joe"]), ("nowhere", [])])
+def test_the_students_of_a_gradebook_are_completed(
+    here: Path, book: str, students: list[str]
+) -> None:
+    words = ["-o", str(here / book), "--explain"]
+    offered = ShellComplete(grade.command, {}, "grade", "_X").get_completions(words, "jo")
+    assert [item.value for item in offered] == students
 
 
 @pytest.mark.parametrize(
