@@ -15,7 +15,7 @@ LEFT, RIGHT = "wheel_left_joint", "wheel_right_joint"
 CONSTANTS = (f"{DRIVE}/constant_left_joint", f"{DRIVE}/constant_right_joint")
 SCALE, BREAK = f"{DRIVE}/scale_linear_velocity", f"{DRIVE}/break_linear_velocity"
 TWIST = f"{DRIVE}/ros2_subscribe_twist"
-SAID = "the robot may drive all the same"
+SAID = "the robot may still drive"
 
 
 def unwire(prim: str, port: str) -> Change:
