@@ -18,7 +18,8 @@ from lab3_usd.model.stage import Node, same_value
 from lab3_usd.spec.graph import GraphSpec, Setting, Wire
 
 _THE_NODE = "the node"
-_HARMLESS = "; the robot may still drive"
+_STILL_DRIVES = "; the robot may still drive"
+_STILL_WORKS = "; the graph may still work"
 
 
 def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> Iterator[Finding]:
@@ -70,19 +71,25 @@ def note_if_harmless(subject: GraphSubject, role: str) -> str:
     is_supplied_otherwise = bool(wires) and all(
         _is_supplied_otherwise(subject, wire) for wire in wires
     )
-    return _HARMLESS if is_supplied_otherwise else ""
+    return _harmless(subject) if is_supplied_otherwise else ""
 
 
 def without_wire(subject: GraphSubject, wire: Wire | None) -> str:
     """Return how to end the message about a wire that is not there: '' where it is needed."""
-    return _HARMLESS if wire is not None and _is_supplied_otherwise(subject, wire) else ""
+    is_needless = wire is not None and _is_supplied_otherwise(subject, wire)
+    return _harmless(subject) if is_needless else ""
 
 
 def with_setting(subject: GraphSubject, role: str, setting: Setting, value: Value | None) -> str:
     """Return how to end the message about a wrong value: '' where it makes a difference."""
     port = subject.spec.nodes[role].type.port(setting.port)
     is_choice = port is not None and value in port.allowed
-    return _HARMLESS if is_choice and _unchanged(subject, role) else ""
+    return _harmless(subject) if is_choice and _unchanged(subject, role) else ""
+
+
+def _harmless(subject: GraphSubject) -> str:
+    drives = any(node.type.drives is not None for node in subject.spec.nodes.values())
+    return _STILL_DRIVES if drives else _STILL_WORKS
 
 
 def _is_supplied_otherwise(subject: GraphSubject, wire: Wire) -> bool:
