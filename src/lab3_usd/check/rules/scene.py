@@ -134,17 +134,17 @@ def _units(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
 
 @rule("S02", "stage-units", scope="stage", demands=_units)
 def stage_units(subject: StageSubject) -> Iterator[Problem]:
-    """The stage is not Z up, in metres and kilograms.
+    """The stage has another up axis, other units or another default prim.
 
-    Why: lengths and masses of the handout, gravity and the ROS frames (+Z up, metres) depend on
-    these units. A robot in centimetres is a hundred times too small.
+    Why: lengths, masses and gravity{running system?}, and the ROS frames (+Z up, metres),{/} depend
+    on these units. With centimetres for metres a thing is a hundred times too small.
 
     Fix: set the property named here to the value expected here, in the stage's properties (select
     the root in the Stage panel) or in the file's first lines, or open the supplied file again and
     save it under the new name.
 
-    Example: `metersPerUnit = 0.01`, which is USD's default. If the given starter has the same
-    units, the finding is a warning.
+    Example: a new stage, whose unit is USD's default. If the given starter has the same units, the
+    finding is a warning.
     """
     wanted, stage = subject.lab.scene.stage, subject.stage
     units = {

@@ -38,7 +38,7 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
     Fix: undo the deletion, or activate the prim (right-click in the Stage panel, Activate). If it
     was deleted long ago, open the supplied file again and repeat the steps from there.
 
-    Example: `/Environment/Walls/East` deleted.
+    Example: a wall of the supplied scene deleted.
     """
     for change in subject.changes:
         if not change.absent or _is_absence_reported(change, subject):
@@ -81,7 +81,7 @@ def starter_schema_removed(subject: StarterSubject) -> Iterator[Problem]:
     Fix: undo the removal, or add the schema named here again (Add > Physics) with the values in the
     supplied file.
 
-    Example: the collision removed from `/Environment/GroundPlane/CollisionPlane`.
+    Example: the collision removed from the ground.
     """
     yield from _changed_prims(subject, "schema")
 
@@ -112,7 +112,7 @@ def starter_prim_moved(subject: StarterSubject) -> Iterator[Problem]:
 
     Fix: undo the move, or enter the transform of the supplied file in the Property panel.
 
-    Example: `/Environment/Furniture/CrateA` dragged by half a metre with the gizmo.
+    Example: a crate dragged by half a metre with the gizmo.
     """
     yield from _changed_prims(subject, "place")
 

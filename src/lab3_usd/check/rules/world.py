@@ -92,7 +92,7 @@ def ground(subject: RobotSubject) -> Iterator[Problem]:
     remove its Rigid Body. Restore a deleted ground from the supplied file, or create one with
     Create > Physics > Ground Plane.
 
-    Example: the collision plane below `/Environment` deactivated.
+    Example: the collision plane of the ground deactivated.
     """
     part = _asked(subject, subject.lab.scene.world.ground)
     if part is None:
@@ -214,10 +214,10 @@ def physics_scene(subject: RobotSubject) -> Iterator[Problem]:
     Why: Isaac Sim then uses its own gravity and time step, and the handout asks for the prim.
     Without weight nothing stays on the ground.
 
-    Fix: activate or restore `physicsScene`, or choose Create > Physics > Physics Scene. Restore its
+    Fix: activate or restore the prim, or choose Create > Physics > Physics Scene. Restore its
     gravity: Magnitude {gravity}, and Direction {down}. Clear Disable Gravity on the links.
 
-    Example: `/physicsScene` deleted, or `physics:gravityMagnitude` 0 on it.
+    Example: the physics scene deleted, or `physics:gravityMagnitude` 0 on it.
     """
     scenes = list(subject.stage.of_type(SCENE))
     part = _asked(subject, subject.lab.scene.world.physics_scene)
