@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from any_stages import by_name, played
-from foreign_robots import car
+from foreign_robots import car, truck
 from invoking import invoke
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 from robot_kinds import by_prefixes, in_namespaces, rollers
@@ -53,6 +53,11 @@ def test_a_car_that_steers_to_the_other_side_fails_at_a_checkpoint(tmp_path: Pat
     inverted = wrong.GetPrimAtPath("/World/Drive/ackermann")
     inverted.CreateAttribute("inputs:invertSteering", Sdf.ValueTypeNames.Bool).Set(1)
     assert by_a_lab(car(), tmp_path, wrong)["follows"] == "bad"
+
+
+def test_a_base_with_y_up_is_not_judged_at_a_checkpoint(tmp_path: Path) -> None:
+    found = by_a_lab(truck(), tmp_path)
+    assert {found[name] for name in ("rest", "follows", "again")} == {"not judged"}
 
 
 def with_limits(stage: Usd.Stage) -> Usd.Stage:

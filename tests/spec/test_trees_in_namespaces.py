@@ -12,8 +12,10 @@ from invoking import invoke
 from places import REPOSITORY
 from pxr import Sdf
 
+from lab3_usd.features.bag.sim_recording import record_run
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.dry_run import dry_run
+from lab3_usd.sim.outcome import DryRun
 from lab3_usd.spec.load.loader import load_lab
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
@@ -106,25 +108,31 @@ def test_a_frame_that_is_lost_costs_one_requirement(folder: Path) -> None:
     assert titles == ["body -> left_wheel is published on /r2/tf"]
 
 
-def test_each_robot_moves_its_own_tree(folder: Path) -> None:
+@pytest.fixture(scope="module")
+def run(folder: Path) -> DryRun:
     (stage,) = (folder.parent / "built").iterdir()
-    checks = dry_run(stage, load_lab(folder), "5").behaviour.checks
-    assert [(c.of, c.verdict) for c in checks if c.name == "tree"] == [("r1", "ok"), ("r2", "ok")]
+    return dry_run(stage, load_lab(folder), "5", "0.1,0,0.6")
 
 
-def test_each_robot_moves_its_own_tree_in_a_recording(folder: Path, tmp_path: Path) -> None:
+OF_EACH = [("r1", "ok"), ("r2", "ok")]
+
+
+def test_each_robot_moves_its_own_tree(run: DryRun) -> None:
+    checks = run.behaviour.checks
+    assert [(c.of, c.verdict) for c in checks if c.name == "tree"] == OF_EACH
+
+
+def test_each_robot_moves_its_own_tree_in_a_recording(
+    run: DryRun, folder: Path, tmp_path: Path
+) -> None:
     pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
     from lab3_usd.sim.bag.judge import judge_recording
 
-    (stage,) = (folder.parent / "built").iterdir()
-    invoke("--lab", folder, "sim", stage, "--bag", tmp_path / "run")
-    checks = judge_recording(tmp_path / "run", load_lab(folder), "5", whole=False).behaviour.checks
-    assert [(c.of, c.verdict) for c in checks if c.name in {"tree", "frames"}] == [
-        ("r1", "ok"),
-        ("r1", "ok"),
-        ("r2", "ok"),
-        ("r2", "ok"),
-    ]
+    lab = load_lab(folder)
+    [*record_run(run, lab, tmp_path / "run")]
+    checks = judge_recording(tmp_path / "run", lab, "5", whole=False).behaviour.checks
+    for name in ("tree", "frames"):
+        assert [(c.of, c.verdict) for c in checks if c.name == name] == OF_EACH
 
 
 def test_a_lab_is_described_with_both_trees(folder: Path, tmp_path: Path) -> None:

@@ -96,7 +96,7 @@ def faults_in_dry_run(
         if driven is None and trial.has_ramps:  # it needs the time between the legs to stop
             drive = fixed_drive(wanted.limits)
             trial = trial_of(played(scene, lab.platform, drive, watched), drive, watched)
-        for name, text in _shown(as_of_kind(trial, driven), scene).items():
+        for name, text in _shown(as_of_kind(trial, driven, scene), scene).items():
             shown.setdefault(name, text)
             if robot and not name.startswith("/"):
                 shown[f"{robot}: {name}"] = text

@@ -21,6 +21,7 @@ from lab3_usd.sim.commands import (
     follows_after_replay,
     follows_command,
     hears_itself,
+    note_up_axis,
     of_another,
     rival,
     unmoved,
@@ -80,9 +81,6 @@ _PASSING: tuple[FaultKind, ...] = (
     "wrong-topic", "wrong-domain", "no-number-input", "switched-off",
 )  # fmt: skip
 
-# Checks of a robot that drives over ground, which are judged with Z up only.
-OVER_GROUND = ("rest", "follows", "odometry", "moving frames", "mounted", "scan", "again")
-
 
 class Played(Struct, frozen=True):
     """The results of a stage: its robots, a play of each (or one without any), the other checks."""
@@ -131,11 +129,8 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
         # The first play shows all topics; the others, what concerns their robot.
         shown = scene_for(robot, graphs_of, scene, platform) if robot and number else scene
         play = record(shown, platform, legs, expected_of(robot), standing)
-        first = plays[0].trial if number else play
-        if robot is not None and robot.kind != JOINTS and scene.up != "Z":
-            text = f"robots drive with Z up only, and the stage has {scene.up} up"
-            first.recording.not_simulated["/"] = text
-            play.recording.unplayed |= dict.fromkeys(OVER_GROUND, f"not simulated: {text}")
+        if robot is not None and robot.kind != JOINTS:
+            note_up_axis(play, scene)
         found = _checks_of(robot, known, play, scene) if robot is not None else ()
         plays.append(Judged(name, play, tuple(found)))
         if number:

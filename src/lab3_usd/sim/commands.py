@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
-from lab3_usd.model.dry_run import Check, heading
+from lab3_usd.model.dry_run import Check, Scene, heading
 from lab3_usd.model.transforms import Vector
 from lab3_usd.physics.machine import Wheel
 from lab3_usd.sim.arms import JOINTS, TRANSFORMS, shown_prims
@@ -25,6 +25,10 @@ EXCHANGED = (
     1.5  # times the distance of steered wheels, from which on their points are too far apart
 )
 _HELD = (0.2, 5.0)  # of a command, that wheels on rollers may be expected to do
+# Checks of a robot that drives over ground.
+OVER_GROUND = (
+    "rest", "follows", "limits", "odometry", "moving frames", "mounted", "scan", "map", "again"
+)  # fmt: skip
 LEAST = 0.1  # part of a command that a robot on rollers does at least
 
 
@@ -249,11 +253,20 @@ def follows_after_replay(trial: Trial, robot: Robot) -> Iterator[RunFault]:
         yield from again(trial)
 
 
-def as_of_kind(trial: Trial, robot: Robot | None) -> Trial:
+def note_up_axis(trial: Trial, scene: Scene) -> None:
+    """Note what is not judged where Z is not up: robots drive over ground along X and Y only."""
+    if scene.up != "Z" and trial.wanted.commands:
+        text = f"robots drive with Z up only, and the stage has {scene.up} up"
+        trial.recording.not_simulated["/"] = text
+        trial.recording.unplayed |= dict.fromkeys(OVER_GROUND, f"not simulated: {text}")
+
+
+def as_of_kind(trial: Trial, robot: Robot | None, scene: Scene) -> Trial:
     """Return a trial that is judged by what the base of its robot can do, as any stage is.
 
     A car turns about one point, and a robot on rollers goes to any side. None is one on two wheels.
     """
+    note_up_axis(trial, scene)
     if robot is None:
         return trial
     own = {

@@ -149,7 +149,7 @@ def _played_for(scene: Scene, lab: Lab, name: str, wanted: Expected, drive: str 
         fixed = fixed_drive(wanted.limits)
         sessions = tuple(each for each in fixed if not (stays and each.environment))
     watched = watched_body(wanted, name, scene, lab)
-    return as_of_kind(record(scene, lab.platform, sessions, watched), robot)
+    return as_of_kind(record(scene, lab.platform, sessions, watched), robot, scene)
 
 
 def watched_body(wanted: Expected, name: str, scene: Scene, lab: Lab) -> Expected:
