@@ -68,7 +68,7 @@ class Recorded(Trial, kw_only=True):
 
     gathered: Gathered
     topics: Topics
-    interface: tuple[TopicSpec, ...] = ()  # that a lab asks for
+    interface: tuple[TopicSpec, ...] | None = None  # that a lab asks for, None without a lab
     goal: GoalSpec | None = None
     navigation: frozenset[str] = frozenset()  # the checks of it that are asked for
 
@@ -83,7 +83,7 @@ def unreadable(recorded: Recorded) -> Iterator[RunFault]:
 
 def qos(recorded: Recorded) -> Iterator[RunFault]:
     """Each topic is offered with the durability that is asked for, by as many as are asked for."""
-    for topic in recorded.interface:
+    for topic in recorded.interface or ():
         for tally in recorded.gathered.of_topic(topic.name):
             offered = [offer.durability for offer in tally.offered]
             odd = next((name for name in offered if topic.durability not in {None, name}), None)
@@ -101,13 +101,13 @@ def rates(recorded: Recorded) -> Iterator[RunFault]:
     Several nodes may send transforms of one time, and commands may have none.
     """
     is_short = recorded.gathered.timeline.arrived < SHORT
-    asked = {topic.name for topic in recorded.interface if topic.rate is not None}
+    asked = {topic.name for topic in recorded.interface or () if topic.rate is not None}
     for (topic, kind), tally in recorded.gathered.tallies.items():
         is_command = topic == recorded.wanted.joint_commands or kind == STEERING
         is_stream = kind not in {TRANSFORMS, CLOCK} and not is_command
         if topic in asked and tally.count and not (any(tally.rates()) or is_short):
             yield RunFault(f"{topic} is received only once", "single-message")
-        elif (topic in asked if recorded.interface else is_stream) and (
+        elif (is_stream if recorded.interface is None else topic in asked) and (
             tally.stuck > STUCK * tally.count
         ):
             text = f"{tally.stuck} of {tally.count} stamps of {topic} do not advance"
@@ -116,7 +116,7 @@ def rates(recorded: Recorded) -> Iterator[RunFault]:
 
 def headers(recorded: Recorded) -> Iterator[RunFault]:
     """The headers name the frames that are asked for."""
-    for topic in recorded.interface:
+    for topic in recorded.interface or ():
         wanted = [(topic.fields or {})[name] for name in _FRAMES if name in (topic.fields or {})]
         for tally in recorded.gathered.of_topic(topic.name):
             odd = [frame for frame in tally.frames if frame not in wanted]
