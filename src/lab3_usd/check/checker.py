@@ -89,10 +89,10 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
         findings = tuple(with_named_nodes(run.findings, live))
         graphs = {subject.spec.name: subject.roles.graph for subject in subjects}
         judged = with_other_faults(judged_stage.requirements, findings, graphs)
-        known = len(run.findings)
+        count = len(run.findings)
         run.keep(run_rules(own_rules().values(), [LintSubject(stage)], lab))
         return RuleResults(
-            (*with_costs(findings, subjects, placed), *run.findings[known:]),
+            (*with_costs(findings, subjects, placed), *run.findings[count:]),
             tuple(run.crashes),
             tuple(run.not_judged),
             (*_gaps(placed, stage, run.not_judged), *_nested_nodes(subjects)),
@@ -110,8 +110,8 @@ def _of_tree(results: RuleResults, topic: str) -> RuleResults:
         covers = tuple((in_tree(place, topic), name) for place, name in finding.covers)
         return replace(finding, unmet=unmet, covers=covers)
 
-    found, left = (tuple(map(placed, each)) for each in (results.findings, results.left_open))
-    return replace(results, findings=found, left_open=left)
+    findings, left = (tuple(map(placed, each)) for each in (results.findings, results.left_open))
+    return replace(results, findings=findings, left_open=left)
 
 
 def _gaps(lab: Lab, stage: StageModel, left_open: Iterable[NotJudged]) -> Iterator[str]:

@@ -423,8 +423,8 @@ def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
         if is_unasked_parent(node, view):
             yield _unasked_parent(node, what, view)
             return
-        found = _self_problem(node, what, _instead(around, node, view), view)
-        yield replace(found, severity="warning", hint=f"name the links, not {around}")
+        problem = _self_problem(node, what, _instead(around, node, view), view)
+        yield replace(problem, severity="warning", hint=f"name the links, not {around}")
     else:
         yield from (_named_alike(node, pair, view) for pair in pairs)
 

@@ -207,7 +207,7 @@ def _clock_recipe(subject: LintSubject) -> Recipe | None:
 
 
 def _connect(node: Node, port: str, outputs: list[str]) -> tuple[Edit, ...]:
-    known = None if node.type is None else node.type.port(port)
-    if known is None or len(outputs) != 1:
+    declared = None if node.type is None else node.type.port(port)
+    if declared is None or len(outputs) != 1:
         return ()
-    return (Connect(node.path, port, known.usd_type, tuple(outputs)),)
+    return (Connect(node.path, port, declared.usd_type, tuple(outputs)),)

@@ -84,11 +84,11 @@ def _import_file(file: Path) -> None:
 def _import_entry_point(name: str) -> None:
     from importlib.metadata import entry_points
 
-    found = [point for point in entry_points(group=GROUP) if point.name == name]
-    if not found:
-        known = ", ".join(sorted(point.name for point in entry_points(group=GROUP))) or "none"
+    points = [point for point in entry_points(group=GROUP) if point.name == name]
+    if not points:
+        names = ", ".join(sorted(point.name for point in entry_points(group=GROUP))) or "none"
         raise UsageError(
             f"rules {name}: no installed package has the entry point {GROUP}:{name}; "
-            f"known are {known}; a file ends in {ENDING}"
+            f"known are {names}; a file ends in {ENDING}"
         )
-    found[0].load()
+    points[0].load()

@@ -271,10 +271,10 @@ def rule(  # noqa: PLR0913 - decorators name them
     """
 
     def register(check: Check) -> Check:
-        known = _RULES.get(rule_id)
-        if known is not None and _origin(known.check) != _origin(check):
+        other = _RULES.get(rule_id)
+        if other is not None and _origin(other.check) != _origin(check):
             raise ValueError(
-                f"rule {rule_id} is taken by {known.name} at {_place(known.check)}; "
+                f"rule {rule_id} is taken by {other.name} at {_place(other.check)}; "
                 f"{_free_id(rule_id)} is free"
             )
         _RULES[rule_id] = Rule(

@@ -75,8 +75,8 @@ def folded_into_readers(node: Node, stage: StageModel) -> tuple[Edit, ...]:
 
 def _signals(node: Node, platform: Platform) -> list[str]:
     """Return what triggers a node of a type that another release has."""
-    known = platform.base.get(node.type_name)
-    names = () if known is None else known.execution_inputs
+    kind = platform.base.get(node.type_name)
+    names = () if kind is None else kind.execution_inputs
     return [path for name in names for path in node.sources(name)]
 
 

@@ -492,7 +492,7 @@ def driven_wheels(stage: StageModel) -> tuple[tuple[Command, Node, tuple[Prim, .
 def _driven_wheels(stage: StageModel) -> Iterator[tuple[Command, Node, tuple[Prim, ...]]]:
     for command in commands(stage):
         controller = controller_of(command, stage)
-        known = joints_of(command, stage) if command.roots and controller is not None else {}
+        joints = joints_of(command, stage) if command.roots and controller is not None else {}
         names = command.names or ()
-        if controller is not None and names and all(name in known for name in names):
-            yield command, controller, tuple(known[name] for name in names)
+        if controller is not None and names and all(name in joints for name in names):
+            yield command, controller, tuple(joints[name] for name in names)

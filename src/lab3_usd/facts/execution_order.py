@@ -322,8 +322,8 @@ def signals(node: Node, nodes: Nodes) -> Sources:
 @lru_cache(maxsize=1024)
 def _may_signal(kind: NodeType | None, output: str) -> bool:
     """Whether an output gives signals, or it is unknown what it gives."""
-    known = kind.port(output) if kind is not None and kind.is_known_port(output) else None
-    return output.startswith(OUTPUT) and (known is None or known.is_execution)
+    declared = kind.port(output) if kind is not None and kind.is_known_port(output) else None
+    return output.startswith(OUTPUT) and (declared is None or declared.is_execution)
 
 
 def unchosen_output(node: Node, live: Nodes) -> str | None:

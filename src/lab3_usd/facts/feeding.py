@@ -24,21 +24,21 @@ _APART = 0.02  # metres between places that are two
 
 def feeding_nodes(node: Node, live: Nodes) -> list[Node]:
     """Return the nodes whose values reach a node, itself first."""
-    found = {node.path: node}
+    nodes = {node.path: node}
     ahead = [node]
     while ahead:
         taker = ahead.pop()
         for port, state in taker.ports.items():
             if not state.sources:
                 continue
-            known = None if taker.type is None else taker.type.port(port)
-            if known is not None and known.is_execution:
+            declared = None if taker.type is None else taker.type.port(port)
+            if declared is not None and declared.is_execution:
                 continue
             for source, _ in live_sources(taker, port, live):
-                if source.path not in found:
-                    found[source.path] = source
+                if source.path not in nodes:
+                    nodes[source.path] = source
                     ahead.append(source)
-    return list(found.values())
+    return list(nodes.values())
 
 
 @once_per_stage

@@ -102,9 +102,9 @@ def is_unregistered(name: str, platform: Platform) -> bool:
 
     No name is none, too. Of any other unknown type nothing is known: somebody else may have it.
     """
-    known = {*platform.types, *platform.events, *platform.once, *platform.deprecated}
+    names = {*platform.types, *platform.events, *platform.once, *platform.deprecated}
     releases = platform.releases_of(name)
-    if name in known or platform.scripts.runs(name) or platform.release in releases:
+    if name in names or platform.scripts.runs(name) or platform.release in releases:
         return False
     return not name or bool(releases) or meant_type(name, platform) is not None
 

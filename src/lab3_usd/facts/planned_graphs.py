@@ -125,8 +125,8 @@ def _same_targets(
     drives = planned.type.drives
     if drives is not None and name == drives.target:
         path = node.value(drives.path)
-        found = (path,) if isinstance(path, str) and path else node.targets(name)
-        return [*_roots(found, stage)] == [*_roots(aims, stage)]
+        paths = (path,) if isinstance(path, str) and path else node.targets(name)
+        return [*_roots(paths, stage)] == [*_roots(aims, stage)]
     return set(node.targets(name)) == set(aims)
 
 

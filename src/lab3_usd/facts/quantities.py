@@ -51,9 +51,9 @@ def quantity_of(
     if fed is None:
         return None
     source, out = fed
-    known = None if source.type is None else stage.platform.quantities.get(source.type.type)
-    if known is not None and out in known.gives:
-        name = known.gives[out]
+    quantity = None if source.type is None else stage.platform.quantities.get(source.type.type)
+    if quantity is not None and out in quantity.gives:
+        name = quantity.gives[out]
         return Quantity(f"{name}, {component}" if component else name, source)
     units = _units(source, stage.platform)
     if units is None or not units.passes:

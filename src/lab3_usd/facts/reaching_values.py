@@ -87,8 +87,8 @@ def is_source(node: Node, port: str) -> bool:
     """
     if not node.has_port(port):
         return False
-    known = None if node.type is None else node.type.port(port)
-    return known is None or may_give(known)
+    declared = None if node.type is None else node.type.port(port)
+    return declared is None or may_give(declared)
 
 
 def may_give(port: Port) -> bool:

@@ -166,13 +166,13 @@ class Robot(Struct, frozen=True, eq=False):
 def robots(stage: StageModel) -> tuple[Robot, ...]:
     """Return the robots of a stage: those with an articulation in its order, then the others."""
     found = [_articulated(prim, stage) for prim in _roots(stage)]
-    known = {link for robot in found for link in robot.links}
+    links = {link for robot in found for link in robot.links}
     joined = joined_bodies(stage)
     groups: dict[str, list[str]] = {}
     for path, first in joined.robots.items():
         groups.setdefault(first, []).append(path)
     for first, paths in groups.items():
-        if len(paths) > 1 and known.isdisjoint(paths):
+        if len(paths) > 1 and links.isdisjoint(paths):
             found.append(_robot("", first, paths, stage))
     return tuple(replace(robot, sensors=tuple(_sensors_of(robot, stage))) for robot in found)
 
@@ -414,8 +414,8 @@ def sensors(stage: StageModel) -> tuple[Sensor, ...]:
         if recipe.sensor is not None
         for kind in recipe.sensor.types
     }
-    found = stage.of_type(kinds.__contains__)
-    own = [prim for prim in found if prim.present and not _is_of_application(prim.path, stage)]
+    prims = stage.of_type(kinds.__contains__)
+    own = [prim for prim in prims if prim.present and not _is_of_application(prim.path, stage)]
     return tuple(
         Sensor(prim, kinds[prim.type], frame_of_prim(prim.path, stage), joined.carrier(prim.path))
         for prim in own

@@ -99,12 +99,12 @@ def sensor_faults(platform: Platform, values: SensorValues) -> tuple[SensorFault
 
     What rests on a value that is wrong by itself is not judged.
     """
-    found: list[SensorFault] = []
+    faults: list[SensorFault] = []
     wrong: set[str] = set()
     for fault in _all_faults(platform, values, wrong) if values.attributes else ():
-        found.append(fault)
+        faults.append(fault)
         wrong.update(fault.attributes[:1])
-    return tuple(found)
+    return tuple(faults)
 
 
 def _all_faults(platform: Platform, values: SensorValues, wrong: set[str]) -> Iterator[SensorFault]:
@@ -195,10 +195,10 @@ def _unknown_names(values: SensorValues, models: SensorModels) -> Iterator[Senso
     for name in values.written:
         if name in values.attributes or not name.startswith(spaces):
             continue
-        known = [each for schema in models.schemas.values() for each in schema.attributes]
-        if name in known:
+        attributes = [each for schema in models.schemas.values() for each in schema.attributes]
+        if name in attributes:
             continue
-        instance = next(filter(None, (_instance_in(name, each) for each in known)), "")
+        instance = next(filter(None, (_instance_in(name, each) for each in attributes)), "")
         nearest = models.renamed.get(name) or _nearest(name, values.attributes)
         if instance:
             reason, expected = f"'{instance}' is not applied", f"'{instance}' applied"

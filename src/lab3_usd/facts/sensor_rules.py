@@ -85,22 +85,22 @@ def breaches(
     if rule.unless and values.get(part.whole(rule.unless)):
         return
     places = [_Place(rule, part, values, instance) for instance in _instances(rule, part, values)]
-    found: Iterator[Breach]
+    breaches: Iterator[Breach]
     for place in places if not rule.distinct else places[:1]:
         if not _counts(place):
             continue
         if rule.distinct:
-            found = _too_many(place, [each.whole(name) for each in places for name in rule.of])
+            breaches = _too_many(place, [each.whole(name) for each in places for name in rule.of])
         elif rule.or_else:
-            found = _neither_or_both(place)
+            breaches = _neither_or_both(place)
         elif rule.holds:
-            found = _unfulfilled(place, wrong)
+            breaches = _unfulfilled(place, wrong)
         elif rule.entries is not None:
-            found = _of_another_size(place, wrong)
+            breaches = _of_another_size(place, wrong)
         else:
-            found = _single(place, wrong)
+            breaches = _single(place, wrong)
         conditions = [*map(place.whole, (*rule.when, *rule.when_above))]
-        for breach in found:
+        for breach in breaches:
             names = (*breach.names, *conditions)
             if values.written.keys() & {*names} and not wrong & {*names}:
                 yield replace(breach, names=tuple(dict.fromkeys(names)))
@@ -131,8 +131,8 @@ def _single(place: _Place, wrong: set[str]) -> Iterator[Breach]:
     for name in map(place.whole, place.rule.of):
         value = place.values.get(name)
         for demand in demands:
-            known = value is not None and not wrong & {name, *demand.by}
-            if known and not demand.is_met(value):
+            is_known = value is not None and not wrong & {name, *demand.by}
+            if is_known and not demand.is_met(value):
                 first, expected = name, demand.expected
                 if demand.asked is not None:
                     expected = f"{expected} {place.shown(demand.asked)}"
@@ -238,8 +238,8 @@ def _too_many(place: _Place, names: list[str]) -> Iterator[Breach]:
     """Yield lists that together have more different values than they may."""
     values, most = place.values, number(place.value(place.rule.distinct))
     lists = [values.get(name) for name in names]
-    known = {item for value in lists for item in (value if isinstance(value, tuple) else ())}
-    count = max([len(known), *(value.length for value in lists if isinstance(value, LongList))])
+    items = {item for value in lists for item in (value if isinstance(value, tuple) else ())}
+    count = max([len(items), *(value.length for value in lists if isinstance(value, LongList))])
     if most is not None and count > most:
         limit = place.shown(place.rule.distinct)
         message = f"{names[0]} has {count} different values, expected at most {limit}"
@@ -271,11 +271,11 @@ def _neither_or_both(place: _Place) -> Iterator[Breach]:
 def _unfulfilled(place: _Place, wrong: set[str]) -> Iterator[Breach]:
     """Yield that a formula is not true, at the value that is the farthest from its default."""
     values = {_short(name): place.values.get(name) for name in map(place.whole, place.rule.of)}
-    known = None not in values.values() and not any(
+    is_known = None not in values.values() and not any(
         isinstance(value, LongList) for value in values.values()
     )
     names = sorted(map(place.whole, place.rule.of), key=lambda name: -_oddness(name, place))
-    if not known or wrong & {*names}:
+    if not is_known or wrong & {*names}:
         return
     from lab3_usd.facts.formulas import result
 

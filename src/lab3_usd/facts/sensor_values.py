@@ -63,9 +63,9 @@ def values_of(prim: Prim, stage: StageModel) -> SensorValues:
     if stage.unknown(prim.path) is None:
         return sensor_values(stage.platform, prim.apis, prim.attributes)
     needed = (each.needs for each in stage.platform.sensors.values() if prim.type in each.types)
-    known = sensor_values(stage.platform, (*prim.apis, *filter(None, needed)), prim.attributes)
-    open_ones = {name: replace(said, default=None) for name, said in known.attributes.items()}
-    return replace(known, attributes=open_ones)
+    values = sensor_values(stage.platform, (*prim.apis, *filter(None, needed)), prim.attributes)
+    open_ones = {name: replace(said, default=None) for name, said in values.attributes.items()}
+    return replace(values, attributes=open_ones)
 
 
 def reading_rates(values: SensorValues, names: LidarNames) -> tuple[float, float] | None:

@@ -125,9 +125,9 @@ def is_given(node: Node, name: str, live: Nodes) -> bool:
         return True
     if value is None or is_nothing(value):
         return False
-    known = None if node.type is None else node.type.port(port)
+    declared = None if node.type is None else node.type.port(port)
     # The default of a quaternion, written down, says nothing.
-    return known is None or not isinstance(value, tuple) or value != known.default
+    return declared is None or not isinstance(value, tuple) or value != declared.default
 
 
 def _fixed(node: Node, port: str, live: Nodes) -> Value | None:
@@ -256,10 +256,10 @@ def short(port: str) -> str:
 
 def nodes_of_unknown_type(stage: StageModel) -> Iterator[Node]:
     """Yield the nodes of a type that nothing is known of, not even that it is an event."""
-    known = {*stage.platform.events, *stage.platform.once}
+    types = {*stage.platform.events, *stage.platform.once}
     for node in live_nodes(stage).values():
         name = node.type_name
-        if node.type is None and name not in known and not stage.platform.scripts.runs(name):
+        if node.type is None and name not in types and not stage.platform.scripts.runs(name):
             yield node
 
 

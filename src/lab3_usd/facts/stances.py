@@ -78,25 +78,25 @@ def are_weighed(bodies: Iterable[str], stage: StageModel) -> bool:
 
 def _is_doubtful(stage: StageModel) -> bool:
     """Whether boxes do not tell that a robot stands on its wheels and is in nothing."""
-    known = joined_bodies(stage)
+    bodies = joined_bodies(stage)
     wheels = _wheels(stage)
     boxes: dict[str, list[tuple[Collider, str]]] = {}
     for bounds in stage.colliders.bounds():
-        body = known.carrier(bounds.path)
-        name = known.robots.get(body, "")
-        is_robot = name and known.sizes.get(name, 0) > 1
+        body = bodies.carrier(bounds.path)
+        name = bodies.robots.get(body, "")
+        is_robot = name and bodies.sizes.get(name, 0) > 1
         box = stage.colliders.measured(bounds.path) if is_robot else bounds
         if box is not None:
             box = box if stage.up_axis == "Z" else _upright(box)
             boxes.setdefault(name, []).append((box, body))
-    robots = {name: own for name, own in boxes.items() if name and known.sizes.get(name, 0) > 1}
-    rolling = {known.robots[link] for link in wheels}
+    robots = {name: own for name, own in boxes.items() if name and bodies.sizes.get(name, 0) > 1}
+    rolling = {bodies.robots[link] for link in wheels}
     for name in rolling & robots.keys():
         own = robots[name]
         low = min((box.low[2] for box, body in own if body in wheels), default=0.0)
         if any(box.low[2] < low - _NOISE for box, body in own if body not in wheels):
             return True
-        if _may_tip(stage, own, [body for body, of in known.robots.items() if of == name]):
+        if _may_tip(stage, own, [body for body, of in bodies.robots.items() if of == name]):
             return True
     whole = {name: _around(box for box, _ in own) for name, own in robots.items()}
     return (

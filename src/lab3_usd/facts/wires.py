@@ -198,9 +198,9 @@ def sublayer_with_source(wire: Connection, stage: StageModel) -> str | None:
     sublayer = next(sublayers, None)
     if sublayer is None:
         return None
-    known = {node.path for graph in stage.graphs for node in graph.nodes}
-    known |= {prim.path for graph in stage.graphs for prim in graph.absent}
-    if path in stage.prims or path in known or any(node.path == path for node in stage.orphans):
+    paths = {node.path for graph in stage.graphs for node in graph.nodes}
+    paths |= {prim.path for graph in stage.graphs for prim in graph.absent}
+    if path in stage.prims or path in paths or any(node.path == path for node in stage.orphans):
         return None
     return sublayer
 

@@ -105,8 +105,8 @@ class Fixed(Struct, frozen=True):
         only moved there.
         """
         kept = {site_of(finding) for finding in self.after}
-        known = {site_of(finding) for finding in self.before}
-        moved = Counter(each.rule for each in self.left if site_of(each) not in known)
+        sites = {site_of(finding) for finding in self.before}
+        moved = Counter(each.rule for each in self.left if site_of(each) not in sites)
         gone = []
         for finding in self.before:
             if finding.severity == "note" or site_of(finding) in kept:
@@ -385,9 +385,9 @@ def _messages(attempt: Attempt) -> dict[Site, list[str]]:
 
 def _helps(tried: Attempt, best: Attempt) -> bool:
     """Whether a finding is repaired and no new one appears."""
-    known = {site_of(finding) for finding in best.after}
+    sites = {site_of(finding) for finding in best.after}
     is_new = any(
-        site_of(finding) not in known for finding in tried.after if finding.severity != "note"
+        site_of(finding) not in sites for finding in tried.after if finding.severity != "note"
     )
     return not (tried.error or is_new) and weight(tried.after) < weight(best.after)
 
@@ -399,7 +399,7 @@ def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
     """
     if tried.error or weight(tried.after) > weight(best.after):
         return False
-    known = {site_of(finding) for finding in best.after if finding.severity == "error"}
+    sites = {site_of(finding) for finding in best.after if finding.severity == "error"}
     repaired: set[str] = set()  # the prims that findings are about, and those which are edited
     for finding in best.after:
         if site_of(finding) == site:
@@ -407,7 +407,7 @@ def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
             repaired.add(finding.prim)
             repaired.update(edit.to if isinstance(edit, MovePrim) else edit.prim for edit in edits)
     return all(
-        site_of(finding) in known or _is_among(finding, repaired)
+        site_of(finding) in sites or _is_among(finding, repaired)
         for finding in tried.after
         if finding.severity == "error"
     )

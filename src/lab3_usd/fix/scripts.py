@@ -100,7 +100,7 @@ def _names(finding: Finding, platform: Platform, lines: Iterable[str]) -> Iterat
         yield wrong, finding.expected
         return
     # One finding stands for all names of types from before.
-    for old in sorted({found["text"] for line in lines for found in _TEXT.finditer(line)}):
+    for old in sorted({match["text"] for line in lines for match in _TEXT.finditer(line)}):
         new = platform.type_name(old)
         if new != old and new in platform.types:
             yield old, new

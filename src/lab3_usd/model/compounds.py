@@ -52,11 +52,11 @@ class Compounds(Struct, frozen=True):
 
         One of a compound stays where it is not connected: its own value passes.
         """
-        found: list[str] = []
+        ports: list[str] = []
         for source in sources:
             fed = self.fed.get(source, ()) if depth else ()
-            found += self.behind(fed, depth - 1) if fed else (source,)
-        return tuple(found)
+            ports += self.behind(fed, depth - 1) if fed else (source,)
+        return tuple(ports)
 
     def through(self, sources: tuple[str, ...]) -> tuple[tuple[str, ...], str]:
         """Return what feeds an input, or else the port of a compound whose own value does."""

@@ -332,8 +332,8 @@ def section_key(name: str | None) -> SectionKey:
 
     Sections of another form, as `Ex 9` and `Ex 10`, are sorted by their words and numbers.
     """
-    found = re.match(_SECTION, name or "")
-    letter, number, below = found.groups() if found else (None, None, None)
+    match = re.match(_SECTION, name or "")
+    letter, number, below = match.groups() if match else (None, None, None)
     before_the_parts = 5
     if letter:
         place = 1

@@ -127,28 +127,28 @@ class Node(Struct, frozen=True, gc=False):
 
     def sources(self, port: str) -> tuple[str, ...]:
         """Return the property paths wired into this input."""
-        found = self.ports.get(port)
-        return () if found is None else found.sources
+        state = self.ports.get(port)
+        return () if state is None else state.sources
 
     def targets(self, port: str) -> tuple[str, ...]:
         """Return the prim paths this relationship names."""
-        found = self.ports.get(port)
-        return () if found is None else found.targets
+        state = self.ports.get(port)
+        return () if state is None else state.targets
 
     def value(self, port: str) -> Value | None:
         """Return the effective value: the authored one, else the default of Isaac Sim 6.0.1.
 
         A value of a type that the port cannot have is ignored. One that is unknown is None.
         """
-        found, kind = self.ports.get(port), self.type
-        if found is not None and found.value is not None and not self.wrong_type(port):
-            return None if isinstance(found.value, Unknown) else found.value
+        state, kind = self.ports.get(port), self.type
+        if state is not None and state.value is not None and not self.wrong_type(port):
+            return None if isinstance(state.value, Unknown) else state.value
         return None if kind is None else kind.default(port, self.version)
 
     def is_unknown(self, port: str) -> bool:
         """Whether an input has a value that nobody can tell."""
-        found = self.ports.get(port)
-        return found is not None and isinstance(found.value, Unknown)
+        state = self.ports.get(port)
+        return state is not None and isinstance(state.value, Unknown)
 
     def wrong_type(self, port: str) -> str | None:
         """Return the type that a file declares for an input whose values it cannot have, else None.

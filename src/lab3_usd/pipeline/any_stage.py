@@ -50,12 +50,12 @@ def lab_in_release(lab: Lab, release: str, checkpoint: str | None = None) -> Lab
 
 @lru_cache(maxsize=8)
 def _in_release(platform: Platform, release: str) -> Platform:
-    known = platform.known_releases
+    releases = platform.known_releases
     parts = release.split(".")
     is_patch = len(parts) > _PARTS and all(part.isdecimal() for part in parts)
     name = ".".join(parts[:_PARTS]) if is_patch else release
-    if name not in known:
-        raise UsageError(f"there is no Isaac Sim '{release}' here; known are {', '.join(known)}")
+    if name not in releases:
+        raise UsageError(f"there is no Isaac Sim '{release}' here; known are {', '.join(releases)}")
     return platform.in_release(name)
 
 

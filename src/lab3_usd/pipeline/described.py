@@ -40,16 +40,18 @@ def described_faults(lab: Lab) -> Iterator[LabFault]:
         build_files(lab, None, dict(plan), BuildOptions())
         for misnomer in misnomers(next(iter(plan)), _prim_types(lab.platform)):
             yield _misspelt(misnomer, lab)
-        known: set[tuple[str, str | None]] = set()
+        sites: set[tuple[str, str | None]] = set()
         for path, point in plan.items():
-            found = [*check_stage(path, point.id, lab).findings]
-            found = [f for f in found if f.severity != "note" and not _wants_asset(f, point, lab)]
+            findings = [*check_stage(path, point.id, lab).findings]
+            findings = [
+                f for f in findings if f.severity != "note" and not _wants_asset(f, point, lab)
+            ]
             if point in whole:
-                found += _linted(path, lab)
-            for finding in found:
+                findings += _linted(path, lab)
+            for finding in findings:
                 place = (finding.prim, finding.property)
-                if place not in known:
-                    known.add(place)
+                if place not in sites:
+                    sites.add(place)
                     yield _fault(finding, point, lab)
 
 

@@ -152,8 +152,8 @@ def _is_concluded(contents: FolderContents) -> bool:
 
 def _last_due(contents: FolderContents) -> str:
     """Return the last checkpoint that must be handed in, or was."""
-    known = contents.lab.checkpoints.items()
-    due = [n for n, point in known if not point.optional or n in contents.listing.stages]
+    checkpoints = contents.lab.checkpoints.items()
+    due = [n for n, point in checkpoints if not point.optional or n in contents.listing.stages]
     return due[-1] if due else contents.lab.last
 
 

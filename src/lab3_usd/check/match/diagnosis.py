@@ -95,16 +95,16 @@ def faulty_wires(spec: GraphSpec, roles: Roles, live: Mapping[str, Node]) -> tup
     faults = [*_forbidden(work, wires), *_swaps(work, open_wires)]
     wrong = [fault for wire in open_wires for fault in _wrong(work, wire)]
     faults += wrong
-    known = {fault.wire for fault in wrong}
-    unfed = [wire for wire in open_wires if wire not in known]
+    faulty = {fault.wire for fault in wrong}
+    unfed = [wire for wire in open_wires if wire not in faulty]
     # A wire that strayed on its own node explains that node's input before any other.
     for wire in unfed:
         _, target = _ends(work, wire)
         strayed = None if target.sources(wire.target.port) else _moved(work, wire, [target])
         if strayed is not None:
-            known.add(wire)
+            faulty.add(wire)
             faults.append(strayed)
-    faults += [_unfed(work, wire) for wire in unfed if wire not in known]
+    faults += [_unfed(work, wire) for wire in unfed if wire not in faulty]
     faults += [fault for wire in shared for fault in _seconds(work, wire)]
     faults += _unasked(work)
     return tuple(faults)
@@ -145,13 +145,13 @@ def _forbidden(work: _Work, wires: list[Wire]) -> Iterator[WireFault]:
 
 def _swaps(work: _Work, open_wires: list[Wire]) -> Iterator[WireFault]:
     """Find pairs of inputs that are fed by each other's source."""
-    found: set[Wire] = set()
+    wires: set[Wire] = set()
     for index, first in enumerate(open_wires):
         for second in open_wires[index + 1 :]:
-            if first in found or second in found or first.source == second.source:
+            if first in wires or second in wires or first.source == second.source:
                 continue
             if _feeds(work, second, first) and _feeds(work, first, second):
-                found |= {first, second}
+                wires |= {first, second}
                 _, target = _ends(work, first)
                 _, second_target = _ends(work, second)
                 yield WireFault(
@@ -219,8 +219,8 @@ def _moved(work: _Work, wire: Wire, nodes: list[Node]) -> WireFault | None:
     for node in nodes:
         for port, state in sorted(node.ports.items()):
             for source in state.sources:
-                known = source not in expected or (node.path, port, source) in work.taken
-                if known or _is_asked(work, node, port, source):
+                is_known = source not in expected or (node.path, port, source) in work.taken
+                if is_known or _is_asked(work, node, port, source):
                     continue
                 work.taken.add((node.path, port, source))
                 elsewhere = f"{node.path}.{port}"

@@ -89,9 +89,9 @@ def link_of(path: str, robot: RobotSpec) -> str:
 
 
 def _find_joint(stage: StageModel, root: str, name: str, link: str) -> Prim | None:
-    found = find_joint(stage, root, name)
-    if found is not None:
-        return found
+    joint = find_joint(stage, root, name)
+    if joint is not None:
+        return joint
     for prim in joints(stage):
         if prim.type == REVOLUTE and any(is_at_or_below(body, link) for body in bodies(prim)):
             return prim

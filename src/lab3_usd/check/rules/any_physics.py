@@ -116,11 +116,11 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
 
 def _still_shapes(stage: StageModel) -> Sequence[Prim]:
     """Return the shapes that no body moves, where a stage has bodies that joints tie."""
-    known = rigid_bodies(stage) if _tied_bodies(stage) else ()
+    bodies = rigid_bodies(stage) if _tied_bodies(stage) else ()
     return [
         prim
-        for prim in (stage.with_api(COLLISION_API) if known else ())
-        if not any(above in known for above in upwards(prim.path))
+        for prim in (stage.with_api(COLLISION_API) if bodies else ())
+        if not any(above in bodies for above in upwards(prim.path))
     ]
 
 
@@ -261,11 +261,11 @@ def _tied_bodies(stage: StageModel) -> frozenset[str]:
 @once_per_stage
 def _tied_prims(stage: StageModel) -> tuple[Prim, ...]:
     """Return the bodies that joints tie, and the prims with shapes or masses that belong to one."""
-    known, tied = rigid_bodies(stage), _tied_bodies(stage)
+    bodies, tied = rigid_bodies(stage), _tied_bodies(stage)
     return tuple(
         prim
         for prim in stage.with_api(_PHYSICAL.__contains__)
-        if next(filter(known.__contains__, upwards(prim.path)), "") in tied
+        if next(filter(bodies.__contains__, upwards(prim.path)), "") in tied
     )
 
 

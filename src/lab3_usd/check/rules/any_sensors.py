@@ -41,12 +41,12 @@ def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
             rate = values.number(name)
             if rate is None:
                 continue
-            known = first.setdefault((prim.type, name), (path, rate))
-            if known[0] == path or known[1] == rate:
+            other = first.setdefault((prim.type, name), (path, rate))
+            if other[0] == path or other[1] == rate:
                 continue
-            (right, expected), (odd, actual) = known, (path, rate)
+            (right, expected), (odd, actual) = other, (path, rate)
             if actual == values.default(name):  # more often the other one was changed
-                (right, expected), (odd, actual) = (path, rate), known
+                (right, expected), (odd, actual) = (path, rate), other
             yield Problem(
                 odd,
                 f"{name} is {actual:g}, and {expected:g} at {right}: Isaac Sim "

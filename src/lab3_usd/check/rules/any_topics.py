@@ -150,19 +150,19 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
         if endpoint.type is None:
             continue
         key = (str(endpoint.topic), domain_name(endpoint.domain, subject))
-        known = first.setdefault(key, endpoint)
-        is_twice = known.node is endpoint.node and known is not endpoint
+        other = first.setdefault(key, endpoint)
+        is_twice = other.node is endpoint.node and other is not endpoint
         if is_twice or plays_role(endpoint, subject):
             continue
         wanted = wanted_topic(endpoint, subject)
-        expected = known.type if wanted is None else wanted.type
+        expected = other.type if wanted is None else wanted.type
         if endpoint.type == expected:
             continue
-        ends = (known, endpoint) if wanted is None else (endpoint,)
+        ends = (other, endpoint) if wanted is None else (endpoint,)
         severity = _severity(*ends, subject=subject)
         if wanted is None and isinstance(subject, StageSubject):
             severity = "warning"
-        as_other = f", and {known.node.path} {known.direction} it as {known.type}"
+        as_other = f", and {other.node.path} {other.direction} it as {other.type}"
         yield Problem(
             endpoint.node.path,
             f"{endpoint.direction} {endpoint.topic} as {endpoint.type}"
@@ -171,7 +171,7 @@ def two_types(subject: TopicsSubject) -> Iterator[Problem]:
             expected=expected,
             actual=endpoint.type,
             handout=None if wanted is None else wanted.handout,
-            related=(known.node.path,) if wanted is None else (),
+            related=(other.node.path,) if wanted is None else (),
             severity=severity,
             fix=removal_or_repair(subject, endpoint.node.path, endpoint.port, severity)
             if isinstance(subject, StageSubject)

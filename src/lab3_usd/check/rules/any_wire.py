@@ -310,10 +310,10 @@ def _meant(written: str, kind: NodeType, subject: GraphsSubject, *, is_source: b
 
 def meant_port(written: str, kind: NodeType, *, is_source: bool) -> str | None:
     """Return the port of a type that was likely meant."""
-    known = [name for name, port in kind.ports.items() if port.is_source == is_source]
+    names = [name for name, port in kind.ports.items() if port.is_source == is_source]
     short = written.partition(":")[2]
-    same = [name for name in known if name.partition(":")[2] == short]
-    return same[0] if same else likely_port(written, known)
+    same = [name for name in names if name.partition(":")[2] == short]
+    return same[0] if same else likely_port(written, names)
 
 
 def _other_port(wire: Connection, near: str | None, subject: GraphsSubject) -> tuple[Edit, ...]:

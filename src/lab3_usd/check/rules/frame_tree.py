@@ -53,9 +53,9 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
     for placement in placements:
         if not _competes(placement, frames):
             yield _placed(placement, view)
-    known = {placement.node for placement in placements}
+    nodes = {placement.node for placement in placements}
     for path in view.live_nodes:
-        if path not in known and _is_forbidden_name(path, subject):
+        if path not in nodes and _is_forbidden_name(path, subject):
             yield Problem(
                 path,
                 "a node of this name publishes what the lab must not have",

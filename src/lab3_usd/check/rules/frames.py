@@ -132,8 +132,8 @@ def _naming_hint(prim: str, frame: str) -> str | None:
 def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
     """Say why a robot, which is one of the targets, does not give all of its links."""
     targets = maker.node.targets(maker.port)
-    known = (robot.path for robot in view.subject.lab.scene.robots if robot.path in targets)
-    robot = next(known, "")
+    robots = (robot.path for robot in view.subject.lab.scene.robots if robot.path in targets)
+    robot = next(robots, "")
     prim = view.subject.stage.prim(robot) if robot else None
     if prim is None:
         return ""

@@ -97,8 +97,8 @@ def _has_numbers(node: Node, ports: Iterable[str], subject: LintSubject) -> bool
         if isinstance(effective_value(node, port, subject.live), (int, float)):
             return True
         for source, name in live_sources(node, port, subject.live):
-            known = None if source.type is None else source.type.port(name)
-            if known is not None and known.usd_type in NUMBERS:
+            declared = None if source.type is None else source.type.port(name)
+            if declared is not None and declared.usd_type in NUMBERS:
                 return True
     return False
 

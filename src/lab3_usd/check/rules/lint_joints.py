@@ -42,23 +42,24 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
     Example: `left_wheel` instead of `left_wheel_joint`.
     """
     for command in commands(subject.stage):
-        known = joints_of(command, subject.stage)
+        joints = joints_of(command, subject.stage)
         for name in command.names or () if command.roots else ():
-            overrides = [joint.attributes.get("isaac:nameOverride") for joint in known.values()]
-            if name and not has_joint(known, name) and name not in overrides:
+            overrides = [joint.attributes.get("isaac:nameOverride") for joint in joints.values()]
+            if name and not has_joint(joints, name) and name not in overrides:
                 yield Problem(
                     command.node.path,
-                    f"the robot has no joint '{name}'{did_you_mean(likely_name(name, known))}",
+                    f"the robot has no joint '{name}'{did_you_mean(likely_name(name, joints))}",
                     property=command.ports.joints,
-                    expected=likely_name(name, known) or ", ".join(sorted(known)),
+                    expected=likely_name(name, joints) or ", ".join(sorted(joints)),
                     actual=name,
                     related=(command.robot,),
-                    fix=_without_space(command, name, subject) if name.strip() in known else (),
-                    rests_on=command.unknown or _unknown_joint(name, command, known, subject.stage),
+                    fix=_without_space(command, name, subject) if name.strip() in joints else (),
+                    rests_on=command.unknown
+                    or _unknown_joint(name, command, joints, subject.stage),
                     assumes=((command.node.path, command.port),),
                 )
-            elif name in known and is_loose(known[name], command, subject.stage):
-                joint = known[name]
+            elif name in joints and is_loose(joints[name], command, subject.stage):
+                joint = joints[name]
                 yield Problem(
                     command.node.path,
                     f"{joint.path} connects no link of the robot: {_ends_of(joint, subject.stage)}",
@@ -73,9 +74,9 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
 
 def _cut_off(command: Command, stage: StageModel) -> Iterator[Problem]:
     """Yield the excluded joints behind which a robot has joints that a controller names."""
-    known, behind = joints_of(command, stage), cut_off(stage)
+    joints, behind = joints_of(command, stage), cut_off(stage)
     names = command.names or () if command.roots else ()
-    lost = [known[name] for name in names if name in known and known[name].path in behind]
+    lost = [joints[name] for name in names if name in joints and joints[name].path in behind]
     for joint in {behind[joint.path].path: behind[joint.path] for joint in lost}.values():
         named = ", ".join(each.name for each in lost if behind[each.path] is joint)
         yield Problem(

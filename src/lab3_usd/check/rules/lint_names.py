@@ -51,10 +51,10 @@ def unknown_name(subject: LintSubject) -> Iterator[Problem]:
 def _variable(node: Node, port: str, subject: LintSubject) -> Iterator[Problem]:
     """Yield that the graph of a node has no variable of the name that it reads or sets."""
     name = effective_value(node, port, subject.live)
-    known = _variables(node.path, subject.stage)
-    if not isinstance(name, str) or name in known:
+    variables = _variables(node.path, subject.stage)
+    if not isinstance(name, str) or name in variables:
         return
-    near, stage = likely_name(name, known), subject.stage
+    near, stage = likely_name(name, variables), subject.stage
     # Nothing of a scene makes variables in the graphs that a script makes.
     missing = (stage.unknown_node if stage.build else stage.unknown)(node.path)
     what = f"is {display(name)}, which is no variable of its graph{did_you_mean(near)}"
@@ -62,7 +62,7 @@ def _variable(node: Node, port: str, subject: LintSubject) -> Iterator[Problem]:
         node.path,
         f"{port} {what if name else 'is empty: it names no variable of its graph'}",
         property=port,
-        expected=near or ", ".join(known) or "a variable of the graph",
+        expected=near or ", ".join(variables) or "a variable of the graph",
         actual=name,
         severity="warning" if stage.scripts else None,
         rests_on=stage.unknown_inputs(node) or missing,
@@ -119,8 +119,8 @@ def _misspelt(name: str, prim: Prim) -> str | None:
 
     One that is in no file may be of a schema: not every other name is wrong.
     """
-    known = {f"{INPUT}{own}": own for own in _properties(prim)}
-    return known.get(likely_port(INPUT + name, [*known]) or "")
+    ports = {f"{INPUT}{own}": own for own in _properties(prim)}
+    return ports.get(likely_port(INPUT + name, [*ports]) or "")
 
 
 def _properties(prim: Prim) -> list[str]:

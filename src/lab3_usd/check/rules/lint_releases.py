@@ -392,9 +392,9 @@ def _reads_other(node: Node, names: Iterable[str], subject: LintSubject) -> bool
     for reader, _, path in read_sensors(subject.stage):
         prim = subject.stage.prim(path)
         if reader is node and prim is not None:
-            known = values_of(prim, subject.stage).attributes
+            attributes = values_of(prim, subject.stage).attributes
             for name in names:
                 value = prim.attributes.get(name)
-                if value is not None and name in known and known[name].default != value:
+                if value is not None and name in attributes and attributes[name].default != value:
                     return True
     return False

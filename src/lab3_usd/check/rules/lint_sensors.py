@@ -142,8 +142,8 @@ def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
         if fault.severity == "error":
             readers = tuple(reading.get(prim.path, ()))
             severity: Severity | None = None if readers else "warning"
-            found = _problem(prim, fault, subject)
-            yield replace(found, related=readers, severity=severity)
+            problem = _problem(prim, fault, subject)
+            yield replace(problem, related=readers, severity=severity)
 
 
 def _sensor_faults(subject: LintSubject) -> Iterator[tuple[Prim, SensorFault]]:
@@ -372,16 +372,16 @@ def sensor_value(subject: LintSubject) -> Iterator[Problem]:
     """
     for prim, fault in _sensor_faults(subject):
         if fault.severity != "error":
-            found = _problem(prim, fault, subject)
-            yield replace(found, severity=fault.severity, fix=_renamed(prim, fault, subject))
+            problem = _problem(prim, fault, subject)
+            yield replace(problem, severity=fault.severity, fix=_renamed(prim, fault, subject))
 
 
 def _renamed(prim: Prim, fault: SensorFault, subject: LintSubject) -> tuple[Edit, ...]:
     """Return what gives an attribute its name of today, where its value may stay as it is."""
     models = subject.platform.sensor_models
-    known = models.attributes_of(prim.apis)
+    attributes = models.attributes_of(prim.apis)
     return tuple(
         RenameProperty(prim.path, name, new)
         for name in fault.attributes
-        if (new := models.renamed.get(name, name)) in known and new not in prim.attributes
+        if (new := models.renamed.get(name, name)) in attributes and new not in prim.attributes
     )

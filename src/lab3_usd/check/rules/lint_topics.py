@@ -164,8 +164,8 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
             if port is None or not port.allowed:
                 continue
             value = effective_value(node, name, subject.live)
-            known = (*port.allowed, *(() if node.type is None else node.type.message))
-            if isinstance(value, str) and value not in ("", port.default, *known):
+            choices = (*port.allowed, *(() if node.type is None else node.type.message))
+            if isinstance(value, str) and value not in ("", port.default, *choices):
                 near = likely_name(value, port.allowed)
                 moved = _other_type(node, value, subject) if name == KIND else None
                 other = None if moved is None else moved.ui_name

@@ -84,10 +84,10 @@ def _without_type(node: Node, subject: LintSubject) -> Problem:
 def _successor(node: Node, subject: LintSubject) -> tuple[str, str] | None:
     """Return the type in place of one that is gone, and words about it."""
     platform = subject.platform
-    found = platform.changes.successor(node.type_name)
-    if found is None or found[0] not in platform.types:
+    successor = platform.changes.successor(node.type_name)
+    if successor is None or successor[0] not in platform.types:
         return None
-    name, known = found
+    name, known = successor
     carried = [
         port if port == now else f"{port} (as {now})"
         for port, now in known.values.items()
@@ -189,10 +189,10 @@ def other_release_ports(subject: LintSubject) -> Iterator[Problem]:
     """
     saved = saved_by(subject.stage)
     strange = () if saved is None else saved.strange
-    known = subject.moved_from
+    earlier = subject.moved_from
     if saved is None or not (strange or subject.is_guessed):
         return
-    if known is not None and known.release == saved.release and not subject.is_guessed:
+    if earlier is not None and earlier.release == saved.release and not subject.is_guessed:
         return  # which was said already
     first = strange[0] if strange else saved.signs[0]
     fits = f"; --isaac {saved.release} fits best"

@@ -162,8 +162,10 @@ _SPEEDS = ("speeds of wheels", "speeds of joints")
 
 def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
     """Return the quantities that the inputs of a node are meant for; a stamp that counts is one."""
-    known = None if node.type is None else subject.platform.quantities.get(node.type.type)
-    takes = {} if known is None else {INPUT + short: each for short, each in known.takes.items()}
+    quantity = None if node.type is None else subject.platform.quantities.get(node.type.type)
+    takes = (
+        {} if quantity is None else {INPUT + short: each for short, each in quantity.takes.items()}
+    )
     needed = {
         INPUT + name
         for need in needs_of(node, subject.platform, subject.live)

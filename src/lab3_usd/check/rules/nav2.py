@@ -308,7 +308,7 @@ def plugin_without_type(subject: NavigationSubject) -> Iterator[Problem]:
     Basis: `nav2_util/node_utils.hpp:139-152` of the humble branch; its nodes add the types of their
     own lists alone (`planner_server.cpp:58`, `behavior_server.cpp:44`).
     """
-    known = {(_last(parameter.node), parameter.name) for parameter in subject.parameters}
+    given = {(_last(parameter.node), parameter.name) for parameter in subject.parameters}
     refused = {refusal.name for refusal in subject.refusals}
     for listing in subject.navigation.plugin_lists:
         for parameter in subject.parameters:
@@ -319,7 +319,7 @@ def plugin_without_type(subject: NavigationSubject) -> Iterator[Problem]:
             value = parameter.value
             names = tuple(map(str, value if isinstance(value, list) else [value]))
             for name in () if names in listing.known else dict.fromkeys(names):
-                if name and (node, f"{name}.plugin") not in known:
+                if name and (node, f"{name}.plugin") not in given:
                     message = f"{parameter.name} names {name}, and {name}.plugin is not set"
                     yield parameter_problem(subject, parameter, message, f"a block {name}")
 

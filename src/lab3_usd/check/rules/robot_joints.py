@@ -83,8 +83,8 @@ def described_joint(subject: RobotSubject) -> Iterator[Problem]:
 def _home(subject: RobotSubject) -> str:
     """Return the prim that holds the first joint of a robot which is there, else the robot."""
     robot = subject.robot
-    found = (find_joint(subject.stage, robot.path, name) for name in robot.joints)
-    return next((joint.parent for joint in found if joint is not None), robot.path)
+    joints = (find_joint(subject.stage, robot.path, name) for name in robot.joints)
+    return next((joint.parent for joint in joints if joint is not None), robot.path)
 
 
 def _absent(subject: RobotSubject, names: tuple[str, ...], place: str, message: str) -> Problem:

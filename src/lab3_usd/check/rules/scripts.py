@@ -267,9 +267,9 @@ def silent_target(subject: LintSubject) -> Iterator[Problem]:
         if build is None or (node.path, state.name) not in build.quiet:
             continue
         if kind.port(state.name) is None:
-            known = [name for name, port in kind.ports.items() if port.is_target]
+            ports = [name for name, port in kind.ports.items() if port.is_target]
             near = meant_port(state.name, kind, is_source=False)
-            near = near if near in known else known[0] if len(known) == 1 else near
+            near = near if near in ports else ports[0] if len(ports) == 1 else near
             yield Problem(
                 node.path,
                 f"{state.name} is set, and {kind.ui_name} has no such input: the targets are lost "

@@ -25,8 +25,8 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     """
     del rules
     if options.visibility not in VISIBILITIES:
-        known = ", ".join(VISIBILITIES)
-        raise UsageError(f"there is no visibility '{options.visibility}'; Gradescope knows {known}")
+        names = ", ".join(VISIBILITIES)
+        raise UsageError(f"there is no visibility '{options.visibility}'; Gradescope knows {names}")
     outputs = dict(found for result in report.results for found in _found(result))
     grade = options.grade
     tests = [] if grade is None else [_test(item, outputs) for item in grade.items]

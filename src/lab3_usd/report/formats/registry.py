@@ -31,10 +31,10 @@ _OF_THE_CORE: dict[str, Format] = {
 
 def all_formats() -> dict[str, Format]:
     """Return every format by its name: those of the core, then those of features."""
-    known = dict(_OF_THE_CORE)
+    formats = dict(_OF_THE_CORE)
     for feature in features():
-        known |= feature.formats
-    return known
+        formats |= feature.formats
+    return formats
 
 
 def format_named(name: str) -> Format:
@@ -45,8 +45,8 @@ def format_named(name: str) -> Format:
     """
     entry = _OF_THE_CORE.get(name) or all_formats().get(name)
     if entry is None:
-        known = ", ".join(all_formats())
-        raise UsageError(f"there is no format '{name}'; the formats are {known}")
+        names = ", ".join(all_formats())
+        raise UsageError(f"there is no format '{name}'; the formats are {names}")
     return entry
 
 

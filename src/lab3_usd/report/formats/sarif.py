@@ -152,8 +152,8 @@ def _result(entry: ReportedFinding, fingerprint_text: str, root: str | None) -> 
         "actual": finding.actual,
         "handout": finding.handout,
     }
-    known = {key: value for key, value in properties.items() if value is not None}
-    return {**result, "properties": known} if known else result
+    given = {key: value for key, value in properties.items() if value is not None}
+    return {**result, "properties": given} if given else result
 
 
 def _fixes(entry: ReportedFinding, options: Options) -> Json:

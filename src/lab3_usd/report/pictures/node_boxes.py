@@ -43,18 +43,18 @@ class SiteFindings(Struct, frozen=True, dict=True):
 
         Properties that are no ports (a node's type) count for the node.
         """
-        found = self._findings(prim, prop)
-        if not found:  # as at most sites
+        findings = self._findings(prim, prop)
+        if not findings:  # as at most sites
             return "ok"
-        severities = {finding.severity for finding in found}
+        severities = {finding.severity for finding in findings}
         if "error" in severities:
             return "wrong"
         return "warned" if "warning" in severities else "ok"
 
     def note(self, prim: str, prop: str | None = None) -> str:
         """Return the messages at the site, one per line."""
-        found = self._findings(prim, prop)
-        return "\n".join([finding.message for finding in found]) if found else ""
+        findings = self._findings(prim, prop)
+        return "\n".join([finding.message for finding in findings]) if findings else ""
 
     def _findings(self, prim: str, prop: str | None) -> Sequence[Finding]:
         properties = self._properties(prim) if prop is None else ()

@@ -96,8 +96,8 @@ def sublayers(path: Path) -> list[Path]:
     """
     stage = open_stage(path)
     root = stage.GetRootLayer()
-    found = (root.ComputeAbsolutePath(name) for name in root.subLayerPaths)
-    return [Path(name) for name in found if name]
+    paths = (root.ComputeAbsolutePath(name) for name in root.subLayerPaths)
+    return [Path(name) for name in paths if name]
 
 
 def variants_at(stage: Usd.Stage, path: str) -> Iterator[str]:

@@ -65,12 +65,12 @@ reading_cache: ContextVar[dict[Hashable, Any] | None] = ContextVar("reading_cach
 
 def cached(key: Hashable, make: Callable[[], _T]) -> _T:
     """Return what `make` returns, from last time where stages stay open; `key` names it."""
-    known = reading_cache.get()
-    if known is None:
+    cache = reading_cache.get()
+    if cache is None:
         return make()
-    if key not in known:
-        known[key] = make()
-    answer: _T = known[key]
+    if key not in cache:
+        cache[key] = make()
+    answer: _T = cache[key]
     return answer
 
 

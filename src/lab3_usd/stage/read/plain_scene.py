@@ -99,10 +99,10 @@ def _not_plain(prim: Usd.Prim) -> str:
 
 
 def _plain_prim(prim: Usd.Prim) -> PlainPrim:
-    known = set(prim.GetPrimDefinition().GetPropertyNames())
+    names = set(prim.GetPrimDefinition().GetPropertyNames())
     has_place = prim.GetAttribute("xformOpOrder").HasAuthoredValue()
     values = [
-        (name, None if name in known else _written_type(attribute), _plain(attribute.Get()))
+        (name, None if name in names else _written_type(attribute), _plain(attribute.Get()))
         for attribute in prim.GetAuthoredAttributes()
         if not (name := attribute.GetName()).startswith(_DERIVED) and attribute.Get() is not None
     ]
