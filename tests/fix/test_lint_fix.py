@@ -129,8 +129,9 @@ def test_sarif_holds_the_lines(tmp_path: Path) -> None:
 
 
 def test_a_release_without_the_linter_is_wrong_use(tmp_path: Path) -> None:
-    with pytest.raises(UsageError):
-        lab3("fix", "--isaac", "5.1", saved(tmp_path, []))
+    stage = saved(tmp_path, []).rename(tmp_path / "Lab3_02.usda")
+    with pytest.raises(UsageError, match="--isaac goes with --lint"):
+        lab3("fix", "--isaac", "5.1", stage)
 
 
 def test_the_linter_lists_its_repairs_and_writes_them_when_asked_for(tmp_path: Path) -> None:

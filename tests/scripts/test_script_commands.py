@@ -205,7 +205,8 @@ def test_types_from_before_are_renamed(tmp_path: Path) -> None:
     assert path.read_text("utf-8") == RIGHT
 
 
-def test_a_script_is_repaired_by_lint_alone(tmp_path: Path) -> None:
-    printed = lab3("fix", script(tmp_path, WRONG))
-    assert printed.returncode == 2
-    assert "--lint repairs scripts" in printed.stderr
+def test_what_names_no_checkpoint_is_repaired_as_lint_judges_it(tmp_path: Path) -> None:
+    path = script(tmp_path, WRONG)
+    printed, by_lint = lab3("fix", path, "--diff"), lab3("fix", "--lint", path, "--diff")
+    assert (printed.returncode, printed.stdout) == (1, by_lint.stdout)
+    assert printed.stderr == f"lab3: {path}: names no checkpoint: repaired as with --lint\n"

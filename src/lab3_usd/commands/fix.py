@@ -50,7 +50,7 @@ from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix
 from lab3_usd.installation import command_line
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import Finding, site_of
-from lab3_usd.pipeline.entries import checkpoint_at
+from lab3_usd.pipeline.entries import checkpoint_at, known_checkpoint
 from lab3_usd.pipeline.entries import find_stages as find_linted
 from lab3_usd.pipeline.stage import JudgeSettings
 from lab3_usd.report.safe_text import visible
@@ -86,20 +86,39 @@ def repair_stages(
     """
     stages = [stage for path in paths for stage in _stages(Path(path), repair, config)]
     check_ways(stages, writing)
+    if len(stages) == 1:
+        return _fix(stages[0], _repair_of(stages[0], repair, config), writing, config)
+    return max(_fix_one_of_several(stage, repair, writing, config) for stage in stages)
+
+
+def _repair_of(stage: Path, repair: RepairOptions, config: Config) -> RepairOptions:
+    """Return how a stage is repaired: as lint judges it where nothing names a checkpoint.
+
+    Raises:
+        UsageError: the options do not go together.
+    """
+    is_said = repair.lint or repair.checkpoint is not None or repair.starter is not None
+    if not is_said and not has_checkpoint(stage, config):
+        click.echo(f"{program()}: {stage}: names no checkpoint: repaired as with --lint", err=True)
+        repair = replace(repair, lint=True)
     for name, release in (("--isaac", repair.release), ("--from", repair.moved_from)):
         if release is not None and not repair.lint:
             raise UsageError(f"{name} goes with --lint")
-    repair = replace(repair, starter=repair.starter or path_text(config.starter))
-    if len(stages) == 1:
-        return _fix(stages[0], repair, writing, config)
-    return max(_fix_one_of_several(stage, repair, writing, config) for stage in stages)
+    return replace(repair, starter=repair.starter or path_text(config.starter))
+
+
+def has_checkpoint(stage: Path, config: Config) -> bool:
+    """Whether the name of a stage, or the configuration, gives it a checkpoint."""
+    if is_script_file(stage):
+        return False
+    return known_checkpoint(str(stage), JudgeSettings(config=config), load_lab()) is not None
 
 
 def _fix_one_of_several(
     stage: Path, repair: RepairOptions, writing: WritingOptions, config: Config
 ) -> int:
     try:
-        return _fix(stage, repair, writing, config)
+        return _fix(stage, _repair_of(stage, repair, config), writing, config)
     except Lab3Error as error:  # which the other stages do not wait for
         click.echo(f"{program()}: {visible(str(error))}", err=True)
         return 2
@@ -108,10 +127,10 @@ def _fix_one_of_several(
 def _stages(path: Path, repair: RepairOptions, config: Config) -> Iterator[Path]:
     """Yield a stage, or those in and below a folder that can be judged."""
     if not path.is_dir():
-        if is_script_file(path):
-            _check_script(path, repair)
-        else:
+        if not is_script_file(path):
             check_file(path)
+        elif not path.exists():
+            raise UsageError(absence(path, "file or folder"))
         yield path
         return
     files = [Path(entry.path) for entry in find_linted(str(path), config)]
@@ -123,18 +142,6 @@ def _stages(path: Path, repair: RepairOptions, config: Config) -> Iterator[Path]
             "--lint repairs stages of any name"
         )
     yield from files
-
-
-def _check_script(path: Path, repair: RepairOptions) -> None:
-    """Refuse to judge a script by a lab.
-
-    Raises:
-        UsageError: its findings are not those of lint, or there is no such file.
-    """
-    if not path.exists():
-        raise UsageError(absence(path, "file or folder"))
-    if not repair.lint:
-        raise UsageError(f"{path}: is a script and no stage; --lint repairs scripts")
 
 
 def _fix(stage: Path, repair: RepairOptions, writing: WritingOptions, config: Config) -> int:
@@ -270,10 +277,11 @@ def command(
 ) -> None:
     """Repair stages.
 
-    Values, connections, targets, types and schemas are repaired; --unsafe also adds, removes and
-    moves prims. In a text stage no other line changes. In a folder all stages with a checkpoint in
-    their names are repaired; with --lint, all stages. Without --diff, --output or --in-place the
-    repairs are only listed.
+    A stage or script that names no checkpoint is repaired as with --lint. Values, connections,
+    targets, types and schemas are repaired; --unsafe also adds, removes and moves prims. In a text
+    stage no other line changes. In a folder all stages with a checkpoint in their names are
+    repaired; with --lint, all stages. Without --diff, --output or --in-place the repairs are only
+    listed.
 
     Exit status: 0 nothing is left, 1 errors or repairs are left, or would be made, 2 wrong usage;
     with --diff 1 if something would change.

@@ -97,7 +97,7 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Target]:
         for file in Path(path).iterdir()
         if is_stage_file(file.name) and not settings.config.excludes(file)
     )
-    if not any(_known_checkpoint(str(file), settings, lab) for file in files):
+    if not any(known_checkpoint(str(file), settings, lab) for file in files):
         what = "no stage with a checkpoint in its name" if files else "no stage"
         raise UsageError(f"{path}: holds {what} and is no submission; {_elsewhere(Path(path))}")
     for file in files:
@@ -126,7 +126,7 @@ def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
     Raises:
         UsageError: neither settings nor name give one.
     """
-    checkpoint = _known_checkpoint(path, settings, lab)
+    checkpoint = known_checkpoint(path, settings, lab)
     if checkpoint is not None and checkpoint not in lab.checkpoints:
         raise UsageError(f"{settings.config.file}: there is no checkpoint '{checkpoint}' ({path})")
     if checkpoint is None and _is_archive(path):
@@ -150,7 +150,7 @@ def _is_archive(path: str) -> bool:
     return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
 
 
-def _known_checkpoint(path: str, settings: JudgeSettings, lab: Lab) -> str | None:
+def known_checkpoint(path: str, settings: JudgeSettings, lab: Lab) -> str | None:
     """Return the checkpoint that settings, configuration or name give a file."""
     configured = next(matching(settings.config.checkpoints, path, settings.config), None)
     return settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
