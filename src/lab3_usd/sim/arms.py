@@ -377,8 +377,13 @@ def shown_prims(trial: Trial, node: str) -> dict[str, str]:
 
 def concerns(trial: Trial, node: str, machine: Machine) -> bool:
     """Whether what a node publishes comes from a robot, or from nothing that names one."""
-    prims = tuple(shown_prims(trial, node))
-    return not prims or any(
+    prims = shown_prims(trial, node)
+    return not prims or are_of(prims, machine)
+
+
+def are_of(prims: Collection[str], machine: Machine) -> bool:
+    """Whether any of some prims is a part of a robot, or holds one."""
+    return any(
         is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
         for body in machine.rest
     )

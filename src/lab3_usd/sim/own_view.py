@@ -9,8 +9,7 @@ from msgspec.structs import replace
 from lab3_usd.facts.tree import SentTransform
 from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.arms import TRANSFORMS, shown_prims
-from lab3_usd.sim.execution.program import is_within
+from lab3_usd.sim.arms import TRANSFORMS, are_of, shown_prims
 from lab3_usd.sim.execution.recording import Message, Transform
 from lab3_usd.sim.judge.expectations import Trial, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
@@ -35,17 +34,11 @@ def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Tri
 
     Those of no robot are held against the one that has odometry.
     """
-    prims = set(shown_prims(played, node))
-    names = {
-        other.name
-        for other in robots
-        for body in (other.machine.rest if other.machine is not None else ())
-        if is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
-    }
+    prims = shown_prims(played, node)
+    known = ((each.name, each.machine) for each in robots)
+    names = {name for name, machine in known if machine is not None and are_of(prims, machine)}
     if not names:
-        bodies = robot.machine.rest if robot.machine is not None else {}
-        is_own = any(is_within(b, prims) or any(is_within(p, (b,)) for p in prims) for b in bodies)
-        return (bool(prims) and not is_own) or (len(robots) > 1 and not robot.odometry)
+        return bool(prims) or (len(robots) > 1 and not robot.odometry)
     others = names - {robot.name}
     ends = {name.rpartition("/")[2] for name in others}
     return bool(others) and (names == others or robot.name.rpartition("/")[2] in ends)
