@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from functools import cache
 
 import pytest
@@ -10,11 +11,14 @@ from foreign_robots import ROBOTS
 from golden import assert_golden, findings_text
 from linting import broken_robot, found_by, linted, said_by, sites_of
 from places import TESTS
-from pxr import UsdGeom
+from pxr import Usd, UsdGeom
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.facts.stances import machines
 from lab3_usd.model.finding import ordered
+from lab3_usd.pipeline.any_stage import lint_platform
+from lab3_usd.stage.read.stage_reader import read_model
 
 FOLDER = TESTS / "lint_cases"
 CASES = {path.stem: quick_yaml.load(path.read_text()) for path in sorted(FOLDER.glob("*.yaml"))}
@@ -58,17 +62,29 @@ def test_what_is_said_of_each_fault_is_as_it_was() -> None:
     assert_golden("lint-cases", shown)
 
 
-@pytest.mark.parametrize("name", [name for name in TRIGGERS if name.startswith(("Y01", "Y04"))])
-def test_how_a_robot_stands_is_judged_with_y_up_as_with_z_up(name: str) -> None:
-    case = TRIGGERS[name]
-    stage = broken_robot(case["robot"], case["break"])
+def with_y_up(stage: Usd.Stage) -> Usd.Stage:
     UsdGeom.SetStageUpAxis(stage, UsdGeom.Tokens.y)
     for top in stage.GetPseudoRoot().GetChildren():
         place = UsdGeom.Xformable(top)
         turn = place.AddRotateXOp(opSuffix="up")
         turn.Set(-90.0)
         place.SetXformOpOrder([turn, *place.GetOrderedXformOps()[:-1]])
+    return stage
+
+
+@pytest.mark.parametrize("name", [name for name in TRIGGERS if name.startswith(("Y01", "Y04"))])
+def test_how_a_robot_stands_is_judged_with_y_up_as_with_z_up(name: str) -> None:
+    case = TRIGGERS[name]
+    stage = with_y_up(broken_robot(case["robot"], case["break"]))
     assert sites_of(found_by(name[:3], stage)) == case["expect"]
+
+
+@pytest.mark.parametrize("turned", [lambda stage: stage, with_y_up], ids=["Z", "Y"])
+def test_boxes_tell_that_four_wheels_carry_a_robot(
+    turned: Callable[[Usd.Stage], Usd.Stage],
+) -> None:
+    model = read_model(turned(broken_robot("skid steer", [])), lint_platform("6.0"), "x")
+    assert machines(model) is None
 
 
 @pytest.mark.parametrize("rule", CASES)

@@ -138,24 +138,29 @@ def _upright(box: Collider) -> Collider:
 def _may_tip(stage: StageModel, own: Sequence[tuple[Collider, str]], bodies: Sequence[str]) -> bool:
     """Whether the centre of mass of a robot may be beside the middles of what is near the ground.
 
-    A body without a mass has that of its shapes, which boxes do not tell.
+    A body without a mass has that of its shapes, which boxes do not tell: its own centre is to be
+    among them as well, unless it stands there itself.
     """
     shapes: dict[str, list[Collider]] = {}
     for box, body in own:
         shapes.setdefault(body, []).append(box)
-    total, moment = 0.0, (0.0, 0.0)
-    for body in bodies:
-        prim = stage.prims[body]
-        mass = number(prim.attributes.get(MASS)) or 0.0
-        if mass <= 0 or prim.world is None:
-            return True
-        x, y = _centre_of(prim, shapes.get(body, ()), stage)
-        total, moment = total + mass, (moment[0] + mass * x, moment[1] + mass * y)
     low = min(box.low[2] for box, _ in own)
-    feet = [_middle(box) for box, _ in own if box.low[2] <= low + _NEAR]
-    u, v = moment[0] / total, moment[1] / total
-    around = ((u + x, v + y) for x in (-_BESIDE, _BESIDE) for y in (-_BESIDE, _BESIDE))
-    return not all(_is_among(feet, place) for place in around)
+    feet = {
+        body: [box for box in boxes if box.low[2] <= low + _NEAR] for body, boxes in shapes.items()
+    }
+    total, moment, places = 0.0, (0.0, 0.0), []
+    for body in bodies:
+        mass = max(0.0, number(stage.prims[body].attributes.get(MASS)) or 0.0)
+        x, y = _centre_of(stage.prims[body], shapes.get(body, ()), stage)
+        total, moment = total + mass, (moment[0] + mass * x, moment[1] + mass * y)
+        if not mass and not feet.get(body):
+            places.append((x, y))
+    places += [(moment[0] / total, moment[1] / total)] if total else []
+    middles = [_middle(box) for boxes in feet.values() for box in boxes]
+    around = [(x, y) for x in (-_BESIDE, _BESIDE) for y in (-_BESIDE, _BESIDE)]
+    return not places or not all(
+        _is_among(middles, (u + x, v + y)) for u, v in places for x, y in around
+    )
 
 
 def _centre_of(prim: Prim, shapes: Sequence[Collider], stage: StageModel) -> tuple[float, float]:
