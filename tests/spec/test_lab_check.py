@@ -367,6 +367,22 @@ WARNINGS: dict[str, Case] = {
             "(rubric.yaml: items)"
         ),
     ),
+    "no points for a graph": (
+        "rubric.yaml",
+        lambda said: said["items"]["clock"].update(groups=["Scene"]),
+        "warning rubric.yaml: items: no item gives points for ROS_Clock (ROS_Clock.yaml)",
+    ),
+    "an attribute of a scan": (
+        "scene.yaml",
+        lambda said: said["sensors"]["lidar"]["scan"].update(
+            ranges=["omni:sensor:Core:nearRangeM", "omni:sensor:Core:farRange"]
+        ),
+        (
+            "warning scene.yaml: sensors: lidar: omni:sensor:Core:farRange: "
+            "'omni:sensor:Core:farRange' is no attribute of a sensor, "
+            "'omni:sensor:Core:farRangeM' is"
+        ),
+    ),
     "a section that no item names": (
         "checkpoints.yaml",
         lambda said: said["handout"]["sections"].update(H=8),

@@ -12,6 +12,7 @@ from invoking import invoke
 from places import REPOSITORY
 from pxr import Sdf
 
+from lab3_usd.errors import SpecError
 from lab3_usd.features.bag.sim_recording import record_run
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.dry_run import dry_run
@@ -133,6 +134,36 @@ def test_each_robot_moves_its_own_tree_in_a_recording(
     checks = judge_recording(tmp_path / "run", lab, "5", whole=False).behaviour.checks
     for name in ("tree", "frames"):
         assert [(c.of, c.verdict) for c in checks if c.name == name] == OF_EACH
+
+
+REFUSED = {
+    "a topic of no graph": (
+        "topic: /r2/tf",
+        "topic: /r3/tf",
+        "the graphs send no transforms on '/r3/tf'",
+    ),
+    "edges as well": (
+        "  trees:",
+        "  edges: [odom -> base]\n  trees:",
+        "trees or edges: both are given",
+    ),
+    "two parents in a tree": (
+        "body -> back]",
+        "odom -> left_wheel]",
+        "'left_wheel' has two parents",
+    ),
+}
+
+
+@pytest.mark.parametrize("case", REFUSED)
+def test_trees_that_cannot_be_are_refused(folder: Path, tmp_path: Path, case: str) -> None:
+    before, after, message = REFUSED[case]
+    lab = shutil.copytree(folder, tmp_path / "lab")
+    text = (lab / "checkpoints.yaml").read_text()
+    assert before in text
+    (lab / "checkpoints.yaml").write_text(text.replace(before, after))
+    with pytest.raises(SpecError, match=message):
+        load_lab(lab)
 
 
 def test_a_lab_is_described_with_both_trees(folder: Path, tmp_path: Path) -> None:

@@ -439,6 +439,11 @@ def scoring_faults(lab: Lab) -> Iterator[LabFault]:
         yield LabFault(RUBRIC, key or "items", message)
         return
     yield from _sections_without_points(lab, rubric, required)
+    paid = {each.group for asked in rubric.asked.values() for each in asked}
+    for name in () if any(item.checklist for item in rubric.items) else lab.graphs:
+        if name not in paid:
+            message = f"no item gives points for {name}"
+            yield LabFault(RUBRIC, "items", message, f"{name}.yaml", "warning")
 
 
 def _checklist_faults(lab: Lab, required: tuple[Requirement, ...]) -> Iterator[LabFault]:

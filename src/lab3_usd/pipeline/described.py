@@ -7,12 +7,13 @@ from collections.abc import Iterator
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
+from lab3_usd.errors import SpecError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import JudgeSettings, check_stage, lint_stage
 from lab3_usd.spec.contradictions.names import LabFault, file_of
 from lab3_usd.spec.lab import SCENE, STARTER, Checkpoint, Lab
-from lab3_usd.spec.positions import has_place
+from lab3_usd.spec.positions import has_place, located
 from lab3_usd.spec.scene import JointSpec, stands_within
 from lab3_usd.stage.schema_names import Misnomer, misnomers
 
@@ -37,7 +38,10 @@ def described_faults(lab: Lab) -> Iterator[LabFault]:
     with TemporaryDirectory(prefix="lab3-described-") as folder:
         points = (*whole, *required[:-1])
         plan = {Path(folder) / f"{point.id}.usda": point for point in points}
-        build_files(lab, None, dict(plan), BuildOptions())
+        try:
+            build_files(lab, None, dict(plan), BuildOptions())
+        except SpecError as error:
+            raise located(error, lab.folder) from error
         for misnomer in misnomers(next(iter(plan)), _prim_types(lab.platform)):
             yield _misspelt(misnomer, lab)
         sites: set[tuple[str, str | None]] = set()

@@ -1,11 +1,17 @@
-"""What the graphs of a lab do not share or have: a domain, variables, a name for the team."""
+"""What the graphs of a lab do not share or have: domains, variables, a name for the team, trees."""
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest_name, spec_value
+from lab3_usd.spec.contradictions.names import (
+    LabFault,
+    file_of,
+    nearest_name,
+    spec_value,
+    transform_topics,
+)
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, Lab
 from lab3_usd.spec.submission import TEAM, has_teams
@@ -52,6 +58,17 @@ def team_faults(lab: Lab) -> Iterator[LabFault]:
     if lab.by_team and not has_teams(lab.files):
         message = f"no {TEAM}, so that only --team says whose values count"
         yield LabFault(CHECKPOINTS, "files", message, lab.by_team[0], "warning")
+
+
+def tree_faults(lab: Lab) -> Iterator[LabFault]:
+    """Yield trees on topics on which no graph sends transforms."""
+    sent = sorted(transform_topics(lab))
+    for tree in lab.frames.trees:
+        if tree.topic not in sent:
+            likely = nearest_name(tree.topic, sent)
+            hint = f", on '{likely}' they do" if likely else ""
+            message = f"the graphs send no transforms on '{tree.topic}'{hint}"
+            yield LabFault(CHECKPOINTS, f"frames: trees: {tree.topic}", message)
 
 
 def variable_faults(lab: Lab) -> Iterator[LabFault]:

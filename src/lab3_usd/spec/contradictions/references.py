@@ -11,7 +11,12 @@ from msgspec import to_builtins
 from lab3_usd.data import program
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.spec.contradictions.domains import domain_faults, team_faults, variable_faults
+from lab3_usd.spec.contradictions.domains import (
+    domain_faults,
+    team_faults,
+    tree_faults,
+    variable_faults,
+)
 from lab3_usd.spec.contradictions.names import (
     LabFault,
     file_of,
@@ -303,6 +308,7 @@ def _all_faults(lab: Lab, stages: Sequence[KnownScene]) -> Iterator[LabFault]:
     yield from topic_faults(lab)
     yield from variable_faults(lab)
     yield from team_faults(lab)
+    yield from tree_faults(lab)
     yield from domain_faults(lab)
     yield from rubric_faults(lab)
     yield from section_faults(lab)

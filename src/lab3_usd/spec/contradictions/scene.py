@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
+from fnmatch import fnmatchcase
 from typing import Any
 
 from msgspec import Struct
@@ -45,6 +46,7 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
             yield LabFault(SCENE, f"{robot.key}: wheels: axle", "has no direction")
         yield from _joint_faults(robot)
     yield from _sensor_faults(lab)
+    yield from _misspelt_scans(lab)
     yield from _unequal_sensors(lab)
     scenes = (*_starter_scene(lab), *stages)
     yield from _target_faults(lab, scenes)
@@ -158,6 +160,25 @@ def _sensor_faults(lab: Lab) -> Iterator[LabFault]:
         if kind and sensor.kind != kind:
             message = f"'{sensor.kind}' omits the rules about prims of type {sensor.type},"
             yield LabFault(SCENE, key, f"{message} '{kind}' has them", other, "warning")
+
+
+def _misspelt_scans(lab: Lab) -> Iterator[LabFault]:
+    """Yield attributes that a scan names, and that are nearly those of a schema."""
+    schemas = lab.platform.sensor_models.schemas.values()
+    names = dict.fromkeys(name for schema in schemas for name in schema.attributes)
+    for sensor, spec in lab.sensors.items():
+        scan = spec.scan
+        for name in () if scan is None else (*scan.keep, *scan.circle, *(scan.ranges or ())):
+            is_known = any(fnmatchcase(name, each) for each in names)  # * is an instance
+            is_odd = name.startswith(_SENSOR) and not is_known
+            meant = nearest_name(name, names) if is_odd else None
+            if meant is not None:
+                message = f"'{name}' is no attribute of a sensor, '{meant}' is"
+                key = f"sensors: {sensor}: {name}"
+                yield LabFault(SCENE, key, message, severity="warning")
+
+
+_SENSOR = "omni:sensor:"
 
 
 def _unequal_sensors(lab: Lab) -> Iterator[LabFault]:

@@ -122,6 +122,8 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
             "newer one"
         )
     content = as_record(data, CheckpointsFile, CHECKPOINTS)
+    if content.frames.trees and content.frames.edges:
+        raise SpecError(f"{CHECKPOINTS}: frames: trees or edges: both are given, expected one")
     if "{id}" not in content.files:
         wrong = f"'{content.files}' does not contain {{id}}, which distinguishes stages"
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
