@@ -205,8 +205,10 @@ def test_one_name_is_one_concept() -> None:
 
 def given_up(text: str) -> list[str]:
     """Return the words to write instead of those that were given up."""
-    prose = " ".join(text.split())
-    return [instead for words, instead in GIVEN_UP.items() if re.search(words, prose)]
+    patterns = {words.replace(" ", r"\s+"): instead for words, instead in GIVEN_UP.items()}
+    if not re.search("|".join(patterns), text):
+        return []
+    return [instead for words, instead in patterns.items() if re.search(words, text)]
 
 
 def test_words_that_were_given_up_are_noticed() -> None:

@@ -6,7 +6,7 @@ from typing import TYPE_CHECKING
 
 from msgspec import Struct
 
-from lab3_usd.check.match.rule_inputs import LintSubject, StageSubject
+from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.facts.domains import Domain
 from lab3_usd.facts.endpoints import Endpoint, endpoints, ros_name
 from lab3_usd.isaac.topics import TRANSFORMS
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from lab3_usd.spec.graph import NodeSpec
     from lab3_usd.spec.ros import TopicSpec
 
-TopicsSubject = LintSubject | StageSubject
 Heard = tuple[str, str]  # a topic, and the name of a domain
 
 
@@ -54,14 +53,14 @@ class Publishers(Struct, frozen=True, eq=False):
         return tuple(e for e in (self.right, *self.others) if e is not endpoint)
 
 
-def domain_name(domain: Domain, subject: TopicsSubject) -> str:
+def domain_name(domain: Domain, subject: ModelSubject) -> str:
     """Return the domain of a node; what the environment names is the domain of the lab."""
     if isinstance(subject, StageSubject) and domain.from_environment:
         return str(subject.lab.ros.system.domain)
     return domain.name
 
 
-def wanted_topic(endpoint: Endpoint, subject: TopicsSubject) -> TopicSpec | None:
+def wanted_topic(endpoint: Endpoint, subject: ModelSubject) -> TopicSpec | None:
     """Return what a lab asks of a topic that its listeners hear, None where nothing is asked."""
     if not isinstance(subject, StageSubject):
         return None
@@ -71,7 +70,7 @@ def wanted_topic(endpoint: Endpoint, subject: TopicsSubject) -> TopicSpec | None
 
 
 @once_per_stage
-def publishers_by_topic(subject: TopicsSubject) -> tuple[Publishers, ...]:
+def publishers_by_topic(subject: ModelSubject) -> tuple[Publishers, ...]:
     """Return who publishes each topic, where several do; transforms have many publishers.
 
     Nobody hears publishers of different domains together. With a lab a role comes first; one whose
@@ -94,7 +93,7 @@ def publishers_by_topic(subject: TopicsSubject) -> tuple[Publishers, ...]:
     return tuple(topic for topic in found if topic.others)
 
 
-def _is_meant(endpoint: Endpoint, subject: TopicsSubject) -> bool:
+def _is_meant(endpoint: Endpoint, subject: ModelSubject) -> bool:
     """Whether a publisher is to publish this topic, as far as its role tells."""
     if not isinstance(subject, StageSubject):
         return True
@@ -107,12 +106,12 @@ def graph_of(endpoint: Endpoint) -> str:
     return endpoint.node.path.rpartition("/")[0]
 
 
-def plays_role(endpoint: Endpoint, subject: TopicsSubject) -> bool:
+def plays_role(endpoint: Endpoint, subject: ModelSubject) -> bool:
     """Whether a node plays a role in a lab."""
     return isinstance(subject, StageSubject) and endpoint.node.path in role_specs(subject)
 
 
-def assumed(endpoint: Endpoint, subject: TopicsSubject) -> tuple[Place, ...]:
+def assumed(endpoint: Endpoint, subject: ModelSubject) -> tuple[Place, ...]:
     """Return what a problem of an endpoint rests on: with a lab, the node's type and its topic."""
     if not isinstance(subject, StageSubject):
         return ()

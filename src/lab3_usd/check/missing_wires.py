@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from lab3_usd.check.match.rule_inputs import LintSubject, ModelSubject
+from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.facts.clocks import CLOCK, Stamp
 from lab3_usd.facts.execution_order import event_of, live_nodes, run_states
 from lab3_usd.facts.planned_graphs import extension, likeness
@@ -31,7 +31,7 @@ def execution_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, .
     makers = {maker.path: maker for maker in _makers(node, subject)}
     if len(inputs) != 1 or len(makers) > 1:
         return ()
-    sources = [*makers.values()] or _events(node, subject)
+    sources = [*makers.values()] or _events(node, subject.stage)
     outputs = [path for source in sources for path in _signals(source)]
     return _connect(node, port, outputs)
 
@@ -46,20 +46,19 @@ def _makers(node: Node, subject: LintSubject) -> Iterator[Node]:
                 yield source
 
 
-def _events(node: Node, subject: ModelSubject) -> list[Node]:
+def _events(node: Node, stage: StageModel) -> list[Node]:
     """Return the events of a node's graph that surely fire at every update."""
-    states = run_states(subject.stage)
-    usual = subject.platform.graph.value(subject.platform.graph.evaluation.stage)
+    states, platform = run_states(stage), stage.platform
+    usual = platform.graph.value(platform.graph.evaluation.stage)
     return [
         other
-        for other in _beside(node, subject)
-        if event_of(other, subject.platform) == usual and states.get(other.path) == "runs"
+        for other in _beside(node, stage)
+        if event_of(other, platform) == usual and states.get(other.path) == "runs"
     ]
 
 
-def _beside(node: Node, subject: ModelSubject) -> Iterator[Node]:
-    graphs = _by_graph(subject.stage)
-    return iter(graphs.get(node.path.rpartition("/")[0], ()))
+def _beside(node: Node, stage: StageModel) -> Sequence[Node]:
+    return _by_graph(stage).get(node.path.rpartition("/")[0], ())
 
 
 @once_per_stage
@@ -90,12 +89,12 @@ def _signals(node: Node) -> Iterator[str]:
             yield f"{node.path}.{name}"
 
 
-def step_wire(node: Node, port: str, subject: ModelSubject) -> tuple[Edit, ...]:
+def step_wire(node: Node, port: str, stage: StageModel) -> tuple[Edit, ...]:
     """Return the wire that gives a node the length of a step, from the one event of its graph."""
-    deltas = subject.platform.deltas
+    deltas = stage.platform.deltas
     outputs = [
         f"{event.path}.{OUTPUT}{deltas[event.type_name]}"
-        for event in _events(node, subject)
+        for event in _events(node, stage)
         if event.type_name in deltas
     ]
     return _connect(node, port, outputs)
@@ -105,7 +104,7 @@ def context_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...
     """Return the wire from the one context of a node's graph."""
     outputs = [
         f"{other.path}.{_CONTEXT}"
-        for other in _beside(node, subject)
+        for other in _beside(node, subject.stage)
         if other.type is not None and _CONTEXT in other.type.ports
     ]
     return _connect(node, port, outputs)
@@ -117,7 +116,7 @@ def likely_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...]
     It is the one that this input of the other nodes of the graph has, where all of them have the
     same one, or for a time the one from the one node of the graph that reads simulation time.
     """
-    beside = [other for other in _beside(node, subject) if other.path != node.path]
+    beside = [other for other in _beside(node, subject.stage) if other.path != node.path]
     outputs = {
         f"{source.path}.{output}"
         for other in beside
@@ -155,7 +154,7 @@ def lost_constant(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ..
     read = _read_outputs(subject.stage)
     outputs = [
         f"{other.path}.{name}"
-        for other in _beside(node, subject)
+        for other in _beside(node, subject.stage)
         if other.type is not None and other.type_name in makers
         for name, known in other.type.ports.items()
         if known.is_source and name.startswith(INPUT) and (other.path, name) not in read
@@ -178,7 +177,7 @@ def clock_publisher(stamp: Stamp, subject: LintSubject) -> tuple[Edit, ...]:
     """
     path, domain, recipe = stamp.node.path.rpartition("/")[0], stamp.domain, _clock_recipe(subject)
     own = next((graph for graph in subject.graphs() if graph.path == path), None)
-    is_driven = bool(_events(stamp.node, subject))
+    is_driven = bool(_events(stamp.node, subject.stage))
     if recipe is None or own is None or not is_driven or domain.number is None:
         return ()
     values = {

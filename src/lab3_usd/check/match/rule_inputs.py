@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
-from typing import TYPE_CHECKING, Literal, Protocol
+from typing import TYPE_CHECKING, Literal
 
 from msgspec import Struct, field
 
@@ -59,18 +59,6 @@ class WireFault(Struct, frozen=True):
     actual: str | None = None
     wire: Wire | None = None
     elsewhere: str | None = None
-
-
-class ModelSubject(Protocol):
-    """A stage, with or without a spec."""
-
-    @property
-    def stage(self) -> StageModel:
-        """The stage."""
-
-    @property
-    def platform(self) -> Platform:
-        """The release of Isaac Sim by which it is judged."""
 
 
 class GraphSubject(Struct, frozen=True, eq=False):
@@ -219,4 +207,6 @@ class LintSubject(Struct, frozen=True, eq=False):
         return node.type.ui_name if node.type is not None else node.type_name or "a node"
 
 
+# With and without a lab: a whole stage, and its graphs.
+ModelSubject = LintSubject | StageSubject
 GraphsSubject = LintSubject | GraphSubject

@@ -372,7 +372,7 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
                 severity=None if port in values else "warning",
                 hint=f"{first}select {node_title(node)} and set {port.partition(':')[2]} to 0, or "
                 f"connect the delta of the tick to {steps[0].partition(':')[2]}",
-                fix=() if node.sources(steps[0]) else step_wire(node, steps[0], subject),
+                fix=() if node.sources(steps[0]) else step_wire(node, steps[0], subject.stage),
                 assumes=() if port in values else ((node.path, port),),
                 covers=tuple((node.path, step) for step in steps),
             )

@@ -8,7 +8,6 @@ from msgspec.structs import replace
 
 from lab3_usd.check.lab_topics import (
     Publishers,
-    TopicsSubject,
     assumed,
     domain_name,
     graph_of,
@@ -18,7 +17,7 @@ from lab3_usd.check.lab_topics import (
     role_specs,
     wanted_topic,
 )
-from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import removal_or_repair
 from lab3_usd.facts.domains import are_surely_one
@@ -32,7 +31,7 @@ from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.qos import Qos
 
 
-def _severity(*ends: Endpoint, subject: TopicsSubject) -> Severity | None:
+def _severity(*ends: Endpoint, subject: ModelSubject) -> Severity | None:
     """Return the severity of a fault between these, milder where it is not sure that they meet.
 
     The environment of a lab names no domain but the lab's.
@@ -44,7 +43,7 @@ def _severity(*ends: Endpoint, subject: TopicsSubject) -> Severity | None:
 
 @rule("K40", "two-publishers", scope="lint")
 @rule("Q01", "topic-published-twice", scope="stage")
-def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
+def two_publishers(subject: ModelSubject) -> Iterator[Problem]:
     """A topic has two publishers.
 
     Why: subscribers receive both streams mixed. Two clocks make time jump back{wheels?}, two
@@ -107,7 +106,7 @@ def two_publishers(subject: TopicsSubject) -> Iterator[Problem]:
 
 
 def _without(
-    repeats: Sequence[tuple[Endpoint, Publishers]], subject: TopicsSubject
+    repeats: Sequence[tuple[Endpoint, Publishers]], subject: ModelSubject
 ) -> Iterator[Edit]:
     """Yield what removes the publishers of one graph that repeat those of the lab.
 
@@ -131,7 +130,7 @@ def _without(
 
 @rule("K41", "two-types", scope="lint")
 @rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")
-def two_types(subject: TopicsSubject) -> Iterator[Problem]:
+def two_types(subject: ModelSubject) -> Iterator[Problem]:
     """One topic has two message types.
 
     Why: ROS 2 connects only publishers and subscribers of the same type. With two types on one
@@ -186,7 +185,7 @@ _KEPT = "transient_local"
 
 @rule("K57", "static-transforms", scope="lint")
 @rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
-def static_transforms(subject: TopicsSubject) -> Iterator[Problem]:
+def static_transforms(subject: ModelSubject) -> Iterator[Problem]:
     """Moving transforms are sent once, or static ones are not kept.
 
     Why: with Static Publisher on, a transform is sent only at the first tick, and stored for later
@@ -241,7 +240,7 @@ def _of_topic(endpoint: Endpoint, qos: Qos, wanted: str | None) -> Problem:
 
 
 def _of_transforms(
-    endpoint: Endpoint, qos: Qos, switch: str, subject: TopicsSubject
+    endpoint: Endpoint, qos: Qos, switch: str, subject: ModelSubject
 ) -> Problem | None:
     """Return what is wrong with how transforms are sent: `switch` has them sent once."""
     node, topic = endpoint.node, str(endpoint.topic)

@@ -45,7 +45,7 @@ from lab3_usd.model.physics import (
     SCENE,
     collides,
 )
-from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.prims import Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import UnresolvedAsset, absence_reason
 from lab3_usd.model.transforms import (
     IDENTITY,
@@ -385,7 +385,7 @@ def not_at_rest(subject: RobotSubject) -> Iterator[Problem]:
             severity=severity,
             fix=_moved_back(subject, body, basis),
             unmet=(at_rest(spec),),
-            covers=tuple((path, OPERATIONS["translate"][0]) for path in _upward(basis)),
+            covers=tuple((path, OPERATIONS["translate"][0]) for path in upwards(basis)),
             assumes=tuple((f"{body}/", name) for name in SHAPE),
         )
 
@@ -394,17 +394,11 @@ def _moved_back(subject: RobotSubject, body: str, basis: str) -> tuple[Edit, ...
     """Return the repair of a body or its ground; a ground may be displaced by a prim above it."""
     if body != subject.robot.path:
         return (Restore(body), Restore(basis))
-    prims = ((path, subject.stage.prim(path)) for path in _upward(basis))
+    prims = ((path, subject.stage.prim(path)) for path in upwards(basis))
     placed = [path for path, prim in prims if prim is not None and ORDER in prim.attributes]
     if placed[:1] == [basis]:
         return (Restore(body), Restore(basis))
     return tuple(Restore(path, ORDER) for path in placed)
-
-
-def _upward(path: str) -> Iterator[str]:
-    while path:
-        yield path
-        path = path.rpartition("/")[0]
 
 
 def _root_stands_right(subject: RobotSubject) -> bool:
