@@ -550,6 +550,7 @@ WRONG: dict[str, tuple[Any, str]] = {
     "breaks by an unknown rule": (only(checkpoint="01", breaks=["T99"]), "T99"),
     "files of an unknown rule": (only(checkpoint="01", files=["T99"]), "T99"),
     "unknown check of the dry run": (only(checkpoint="01", dry_run=["drives"]), "drives"),
+    "joints of a lab that commands none": (only(checkpoint="01", dry_run=["joints"]), "joints"),
     "blemish above everything": (lambda data: data.update(blemish=2), "blemish"),
     "no blemish": (lambda data: data.update(blemish=0), "blemish"),
     "again as text": (lambda data: data.update(again="all"), "again"),

@@ -32,10 +32,12 @@ from workers_here import workers_here
 
 from lab3_usd.errors import UsageError
 from lab3_usd.features.bag.sim_recording import record_run
+from lab3_usd.grade.dry_runs import faults_in_dry_run
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.bag.judge import judge_recording
 from lab3_usd.sim.dry_run import dry_run
+from lab3_usd.sim.judge.topics import expected_of_each
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 
@@ -368,6 +370,20 @@ def test_a_dry_run_at_a_checkpoint_commands_the_joints(
     joints = next(check for check in behaviour.checks if check.name == "joints")
     assert (joints.verdict, behaviour.verdict) == (verdict, verdict), behaviour.checks
     assert [word for word in words if word not in joints.text] == []
+
+
+@pytest.mark.parametrize("name", ["nothing wrong", "commands on another topic"])
+def test_grading_sees_whether_the_joints_follow(
+    name: str, described: tuple[list[Path], Path], lab: Lab, tmp_path: Path
+) -> None:
+    mistake, verdict, _ = SHOWN[name]
+    stage = opened(described[0][-1])
+    if mistake is not None:
+        mistake(stage)
+    stage.Export(str(tmp_path / "stage.usda"))
+    each = expected_of_each(lab, lab.checkpoints["5"])
+    shown = faults_in_dry_run(tmp_path / "stage.usda", lab, each)
+    assert ("joints" in shown) == (verdict == "bad")
 
 
 def test_a_bag_of_a_checkpoint_says_that_joints_are_commanded_in_another_play(

@@ -10,6 +10,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import StageError
 from lab3_usd.grade.scoring import SubmissionFacts
 from lab3_usd.model.dry_run import Scene
+from lab3_usd.sim.any_stage import commanded_joints
 from lab3_usd.sim.commands import as_of_kind
 from lab3_usd.sim.dry_run import scene_of, watched_body
 from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
@@ -96,7 +97,12 @@ def faults_in_dry_run(
         if driven is None and trial.has_ramps:  # it needs the time between the legs to stop
             drive = fixed_drive(wanted.limits)
             trial = trial_of(played(scene, lab.platform, drive, watched), drive, watched)
-        for name, text in _shown(as_of_kind(trial, driven, scene), scene).items():
+        found = _shown(as_of_kind(trial, driven, scene), scene)
+        if wanted.joint_commands:
+            _, checks = commanded_joints(scene, lab.platform, wanted)
+            wrong = [check for check in checks if check.verdict == "bad"]
+            found |= {name: c.text for c in wrong for name in (c.name, c.kind) if name}
+        for name, text in found.items():
             shown.setdefault(name, text)
             if robot and not name.startswith("/"):
                 shown[f"{robot}: {name}"] = text

@@ -292,11 +292,14 @@ def _check_dry_run(item: Item, lab: Lab, place: str) -> None:
     """Refuse what no dry run shows: no topic, check or kind of fault, of a robot of the lab."""
     if not item.dry_run:
         return
-    from lab3_usd.sim.judge.checks import CHECKS
+    from lab3_usd.sim.arms import JOINTS
+    from lab3_usd.sim.judge.checks import CHECKS, OF_JOINTS
 
+    has_joints = any(topic.subscribed and topic.type == JOINTS for topic in lab.topics.values())
+    checks = (*CHECKS, *OF_JOINTS) if has_joints else (*CHECKS,)
     for name in item.dry_run:
         robot, _, of_robot = name.rpartition(": ")
-        known = lab.topics if name.startswith("/") else (*CHECKS, *FAULT_KINDS)
+        known = lab.topics if name.startswith("/") else (*checks, *FAULT_KINDS)
         one_of(of_robot, known, f"{place}: dry_run")
         if robot:
             one_of(robot, [each.name for each in lab.scene.robots], f"{place}: dry_run")

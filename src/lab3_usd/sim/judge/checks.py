@@ -39,6 +39,7 @@ CHECKS: dict[str, CheckFunction] = {
     "camera": camera,
     "again": again,
 }
+OF_JOINTS = ("joints", "links", "joint states")  # those of joints that have commands of their own
 # What a robot that never moves does not show.
 MOVED = ("rest", "limits", "odometry", "moving frames", "mounted", "again")
 _OF_SCANS = ("scan", "map")
