@@ -315,10 +315,7 @@ def _one_line(error: Exception) -> str:
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:
     click.echo(f"{program()}: {message}", err=True)
     if _json_asked_for(sys.argv[1:]):
-        from lab3_usd.report.formats.json_report import (
-            dump,
-            error_report,
-        )
+        from lab3_usd.report.formats.json_report import dump, error_report
 
         click.echo(dump(error_report(message, kind)), nl=False)
     sys.exit(status)

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from lab3_usd.author.choosing import (
-    present_prim,
-)
+from lab3_usd.author.choosing import present_prim
 from lab3_usd.author.ros_holes import domain_holes, namespace_holes
 from lab3_usd.author.task import Hole, Task, robot_of_task
 from lab3_usd.errors import UsageError

@@ -5,10 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from lab3_usd.author.choosing import (
-    choose_joints,
-    present_prim,
-)
+from lab3_usd.author.choosing import choose_joints, present_prim
 from lab3_usd.author.ros_holes import checked_topic
 from lab3_usd.author.task import Hole, Task, robot_of_task
 from lab3_usd.author.wheel_holes import refuse_stuck

@@ -16,14 +16,7 @@ from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import TF, Rule, Scope, holds_without_lab, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Repair, repair_by
-from lab3_usd.model.finding import (
-    Crash,
-    Finding,
-    NodeCoverage,
-    NotJudged,
-    Problem,
-    Requirement,
-)
+from lab3_usd.model.finding import Crash, Finding, NodeCoverage, NotJudged, Problem, Requirement
 from lab3_usd.model.stage import StageModel, once_per_stage
 
 if TYPE_CHECKING:

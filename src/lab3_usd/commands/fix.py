@@ -42,10 +42,7 @@ from lab3_usd.commands.shared.writing import (
 from lab3_usd.config.settings import Config, selected
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, UsageError
-from lab3_usd.files import (
-    absence,
-    is_script_file,
-)
+from lab3_usd.files import absence, is_script_file
 from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix_linted, fix_stage
 from lab3_usd.installation import command_line
 from lab3_usd.isaac.releases import BASE

@@ -6,10 +6,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from lab3_usd.facts.endpoints import (
-    Endpoint,
-    endpoints,
-)
+from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import live_nodes, nodes_of, run_states
 from lab3_usd.facts.frame_targets import tf_ports
 from lab3_usd.facts.frames import tf2_name

@@ -9,13 +9,7 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.physics import (
-    AXIS,
-    BODIES,
-    PLANE,
-    USUAL_AXIS,
-    numbers,
-)
+from lab3_usd.model.physics import AXIS, BODIES, PLANE, USUAL_AXIS, numbers
 from lab3_usd.model.prims import Collider, Matrix, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.model.transforms import (

@@ -7,11 +7,7 @@ from collections.abc import Iterator
 
 from msgspec import Struct
 
-from lab3_usd.facts.endpoints import (
-    namespace_of,
-    ros_name,
-    used_topics,
-)
+from lab3_usd.facts.endpoints import namespace_of, ros_name, used_topics
 from lab3_usd.facts.execution_order import is_switched_on, live_nodes, run_states
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.model.stage import Node, StageModel

@@ -27,11 +27,7 @@ from lab3_usd.grade.intake.remote import local_path
 from lab3_usd.grade.intake.scratch import remove_abandoned
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
-from lab3_usd.grade.intake.submissions import (
-    StudentSubmission,
-    find_submissions,
-    submissions_in,
-)
+from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 from lab3_usd.grade.lock import locked
 from lab3_usd.grade.regrade import adjust, keep_rubric, rubric_of
 from lab3_usd.grade.rubric import Rubric, load_rubric

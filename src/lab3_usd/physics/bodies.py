@@ -10,13 +10,7 @@ from typing import get_args
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
 from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance, read_drive
 from lab3_usd.model.physics import EXCLUDED, KINEMATIC, SCENE, joint_limits, number, still_by
-from lab3_usd.physics.machine import (
-    FIXED,
-    HINGE,
-    JOINTS,
-    Joint,
-    Machine,
-)
+from lab3_usd.physics.machine import FIXED, HINGE, JOINTS, Joint, Machine
 
 OWNER = "physics:simulationOwner"
 BODY, ROOT, COLLIDER = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "PhysicsCollisionAPI"

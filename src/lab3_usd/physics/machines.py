@@ -14,24 +14,10 @@ from msgspec.structs import replace
 from lab3_usd.model.dry_run import HERE, Affine, Scene
 from lab3_usd.model.physics import MASS, SCENE, SLIDES_OFF, TILT, is_felt, number, slant
 from lab3_usd.model.statics import CONTACT, Stand
-from lab3_usd.model.traction import (
-    MATERIAL_API,
-    Load,
-    Surface,
-    bound_material,
-    pull_of,
-    surface_of,
-)
+from lab3_usd.model.traction import MATERIAL_API, Load, Surface, bound_material, pull_of, surface_of
 from lab3_usd.model.transforms import Vector, cross, length, minus
 from lab3_usd.physics.bodies import ROOT, Bodies, has_collision, of_another_scene
-from lab3_usd.physics.machine import (
-    FIXED,
-    HINGE,
-    Machine,
-    Posture,
-    Wheel,
-    solution,
-)
+from lab3_usd.physics.machine import FIXED, HINGE, Machine, Posture, Wheel, solution
 from lab3_usd.physics.spots import Spot
 from lab3_usd.physics.stance import (
     SPHERICAL,

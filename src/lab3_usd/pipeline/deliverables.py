@@ -18,13 +18,7 @@ from lab3_usd.deliverables.nav2_parameters import read_params
 from lab3_usd.deliverables.submission_files import find_parameter_files, folder_named
 from lab3_usd.errors import Lab3Error
 from lab3_usd.model.finding import Finding
-from lab3_usd.model.folder import (
-    Agreement,
-    Evidence,
-    EvidenceSubject,
-    Listing,
-    MapSubject,
-)
+from lab3_usd.model.folder import Agreement, Evidence, EvidenceSubject, Listing, MapSubject
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import MapFacts, RosSpec
 from lab3_usd.spec.submission import SubmissionSpec

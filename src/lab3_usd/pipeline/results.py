@@ -12,14 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Scope, all_rules, families, rule_names
 from lab3_usd.check.rule_runs import run_rule
 from lab3_usd.errors import StageError
-from lab3_usd.model.finding import (
-    Crash,
-    Finding,
-    IgnoreNote,
-    StageResult,
-    Submission,
-    ordered,
-)
+from lab3_usd.model.finding import Crash, Finding, IgnoreNote, StageResult, Submission, ordered
 
 UNREADABLE, UNUSED = "F01", "F06"
 STAGE_ENDINGS = (".usd", ".usda", ".usdc", ".usdz", ".uda")

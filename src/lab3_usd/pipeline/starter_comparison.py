@@ -12,12 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.check.checker import judge
 from lab3_usd.check.fold import fold
 from lab3_usd.check.registry import Demand
-from lab3_usd.check.requirements import (
-    demands_of,
-    unmet_by,
-    with_named_faults,
-    with_other_faults,
-)
+from lab3_usd.check.requirements import demands_of, unmet_by, with_named_faults, with_other_faults
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Site, repair_by

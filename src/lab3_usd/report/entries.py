@@ -11,15 +11,7 @@ from zlib import crc32
 from msgspec import Struct
 
 from lab3_usd.data import program
-from lab3_usd.model.finding import (
-    SEVERITIES,
-    Crash,
-    Finding,
-    NodeCoverage,
-    Report,
-    Score,
-    Severity,
-)
+from lab3_usd.model.finding import SEVERITIES, Crash, Finding, NodeCoverage, Report, Score, Severity
 from lab3_usd.report.safe_text import visible
 
 CHECKLIST_STATES = {

@@ -10,15 +10,7 @@ from typing import Any
 from lab3_usd.model.stage import Unknown
 from lab3_usd.scripts.attributes import attribute_of
 from lab3_usd.scripts.library import BUILTINS
-from lab3_usd.scripts.operations import (
-    WIDE,
-    added,
-    as_unknown,
-    compared,
-    computed,
-    listed,
-    percent,
-)
+from lab3_usd.scripts.operations import WIDE, added, as_unknown, compared, computed, listed, percent
 from lab3_usd.scripts.run import DEEPEST_PART, Arguments, Run, StepLimitError
 from lab3_usd.scripts.values import (
     MOST_ITEMS,

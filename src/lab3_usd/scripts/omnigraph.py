@@ -12,15 +12,7 @@ from difflib import get_close_matches
 
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.model.stage import Unknown
-from lab3_usd.scripts.lookups import (
-    STATE,
-    Edit,
-    Names,
-    normal,
-    path_of,
-    resolve,
-    rooted,
-)
+from lab3_usd.scripts.lookups import STATE, Edit, Names, normal, path_of, resolve, rooted
 from lab3_usd.scripts.run import Arguments, Run
 from lab3_usd.scripts.values import (
     At,

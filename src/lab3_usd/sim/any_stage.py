@@ -31,14 +31,7 @@ from lab3_usd.sim.execution.recording import Message, Recording, Scan
 from lab3_usd.sim.execution.world import standing_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.checks import graphs, judge, verdict
-from lab3_usd.sim.judge.expectations import (
-    CheckFunction,
-    Expected,
-    RunFault,
-    Trial,
-    agree,
-    in_root,
-)
+from lab3_usd.sim.judge.expectations import CheckFunction, Expected, RunFault, Trial, agree, in_root
 from lab3_usd.sim.judge.motion import odometry, rest
 from lab3_usd.sim.judge.sensors import MISSED, WALL
 from lab3_usd.sim.judge.topics import clock, heard_transforms, tree

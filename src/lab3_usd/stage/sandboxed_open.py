@@ -14,13 +14,7 @@ from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from lab3_usd.errors import StageError
 from lab3_usd.stage.read.assets import blocked_path, find_unresolved, real_path
-from lab3_usd.stage.read.opening import (
-    ENDINGS,
-    check_file,
-    opening_by,
-    quiet,
-    stage_errors,
-)
+from lab3_usd.stage.read.opening import ENDINGS, check_file, opening_by, quiet, stage_errors
 
 _ADDRESS = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")  # one letter is a drive of Windows
 _ABSOLUTE = re.compile(r"^([/\\]|[A-Za-z]:)")

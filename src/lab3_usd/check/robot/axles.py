@@ -7,13 +7,7 @@ stage that was saved after a run has the robot, and all of its bodies, wherever 
 from __future__ import annotations
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
-from lab3_usd.check.robot.wheels import (
-    WheelJoint,
-    base_side,
-    ends_of,
-    tied_joints,
-    wheel_side,
-)
+from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, tied_joints, wheel_side
 from lab3_usd.facts.wheels import ALONG, axis_of_joint, joint_turn
 from lab3_usd.model.physics import (
     AXIS,

@@ -9,15 +9,7 @@ from msgspec.structs import replace
 from lab3_usd.check.match.conformance import is_variable_met
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.model.changes import (
-    Activate,
-    AddGraph,
-    Edit,
-    MovePrim,
-    RemovePrim,
-    SetType,
-    SetValue,
-)
+from lab3_usd.model.changes import Activate, AddGraph, Edit, MovePrim, RemovePrim, SetType, SetValue
 from lab3_usd.model.finding import Place, Problem, Severity, display
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel

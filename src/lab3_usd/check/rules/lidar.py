@@ -32,12 +32,7 @@ from lab3_usd.check.rules.sensors import (
     sensor_values,
     wrong_type_sensors,
 )
-from lab3_usd.facts.sensor_values import (
-    SensorValues,
-    listed_entries,
-    reading_rates,
-    values_of,
-)
+from lab3_usd.facts.sensor_values import SensorValues, listed_entries, reading_rates, values_of
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import RemovePrim, Restore
 from lab3_usd.model.finding import Place, Problem, display

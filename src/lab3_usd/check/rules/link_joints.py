@@ -11,13 +11,7 @@ from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.wheels import has_no_joints, unknown_joints, wheel_joints
 from lab3_usd.check.rules.world import at_rest
 from lab3_usd.facts.articulations import cut_off
-from lab3_usd.model.changes import (
-    ApplySchema,
-    ClearValue,
-    RemovePrim,
-    RemoveSchema,
-    Restore,
-)
+from lab3_usd.model.changes import ApplySchema, ClearValue, RemovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
     ARTICULATION_API,

@@ -11,11 +11,7 @@ from lab3_usd.facts.arrays import array_items
 from lab3_usd.facts.articulations import commands
 from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.reaching_values import effective_value, live_sources
-from lab3_usd.facts.stalled_nodes import (
-    is_nothing,
-    is_wired,
-    unmet_needs,
-)
+from lab3_usd.facts.stalled_nodes import is_nothing, is_wired, unmet_needs
 from lab3_usd.isaac.behaviour import Need
 from lab3_usd.isaac.node_types import INPUT, NUMBERS
 from lab3_usd.model.finding import Problem, display

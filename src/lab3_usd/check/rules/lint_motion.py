@@ -7,12 +7,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.articulations import (
-    Command,
-    commands,
-    driven_pairs,
-    joints_commanded,
-)
+from lab3_usd.facts.articulations import Command, commands, driven_pairs, joints_commanded
 from lab3_usd.facts.feeding import MisnamedPose, misnamed_poses
 from lab3_usd.facts.followed_bodies import followed_bodies
 from lab3_usd.facts.joined_bodies import joined_bodies

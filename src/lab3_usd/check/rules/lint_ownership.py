@@ -9,12 +9,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.lint_motion import misnamed
 from lab3_usd.facts.endpoints import Endpoint, running_endpoints
 from lab3_usd.facts.execution_order import nodes_of
-from lab3_usd.facts.feeding import (
-    commanded_robots,
-    feeding_nodes,
-    misnamed_poses,
-    robot_spaces,
-)
+from lab3_usd.facts.feeding import commanded_robots, feeding_nodes, misnamed_poses, robot_spaces
 from lab3_usd.facts.frame_targets import listed_targets, parent_prim, tf_ports
 from lab3_usd.facts.frames import all_edges, shared_tf_topics
 from lab3_usd.facts.joined_bodies import joined_bodies

@@ -23,12 +23,7 @@ from lab3_usd.facts.execution_order import (
     unchosen_output,
 )
 from lab3_usd.facts.reaching_values import effective_value
-from lab3_usd.facts.stalled_nodes import (
-    Stop,
-    feeds,
-    has_side_effects,
-    stops,
-)
+from lab3_usd.facts.stalled_nodes import Stop, feeds, has_side_effects, stops
 from lab3_usd.facts.stuck_nodes import switched_off_target
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem, Severity

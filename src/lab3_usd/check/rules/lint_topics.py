@@ -8,13 +8,7 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, can_become
 from lab3_usd.facts.domains import are_surely_one
-from lab3_usd.facts.endpoints import (
-    PROFILE,
-    Endpoint,
-    endpoints,
-    qos_of,
-    running_endpoints,
-)
+from lab3_usd.facts.endpoints import PROFILE, Endpoint, endpoints, qos_of, running_endpoints
 from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.frame_targets import NAME_OVERRIDE, frame_of_prim
 from lab3_usd.facts.frames import all_edges

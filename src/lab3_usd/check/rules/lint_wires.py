@@ -10,10 +10,7 @@ from lab3_usd.facts.articulations import commands, leaves_joints
 from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.facts.stalled_nodes import has_side_effects, is_nothing, needs_of
-from lab3_usd.facts.wires import (
-    Connection,
-    connections,
-)
+from lab3_usd.facts.wires import Connection, connections
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.stage import Node

@@ -20,14 +20,7 @@ from lab3_usd.model.joint_drives import (
     number_text,
     read_drive,
 )
-from lab3_usd.model.physics import (
-    AXIS,
-    BODIES,
-    LIMITS,
-    USUAL_AXIS,
-    bodies,
-    number,
-)
+from lab3_usd.model.physics import AXIS, BODIES, LIMITS, USUAL_AXIS, bodies, number
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason
 from lab3_usd.spec.lab import Checkpoint, Lab

@@ -21,11 +21,7 @@ from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import bodies, bodies_below
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import (
-    AnimatedAttribute,
-    UnresolvedAsset,
-    absence_reason,
-)
+from lab3_usd.model.stage import AnimatedAttribute, UnresolvedAsset, absence_reason
 from lab3_usd.model.transforms import (
     AXES,
     IDENTITY,

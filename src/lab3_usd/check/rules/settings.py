@@ -8,12 +8,7 @@ from itertools import combinations
 from msgspec.structs import replace
 
 from lab3_usd.check.lab_topics import role_specs
-from lab3_usd.check.match.conformance import (
-    Found,
-    resolves_as_asked,
-    setting_matches,
-    settings_of,
-)
+from lab3_usd.check.match.conformance import Found, resolves_as_asked, setting_matches, settings_of
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.message_suffixes import with_setting
 from lab3_usd.check.registry import Demand, rule

@@ -16,14 +16,7 @@ from lab3_usd.check.rules.wheel_joints import of_each_joint
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import Drive, JointFault, number_text, read_drive
-from lab3_usd.model.physics import (
-    COLLISION_API,
-    DAMPING,
-    DRIVE_API,
-    MAX_FORCE,
-    STIFFNESS,
-    collides,
-)
+from lab3_usd.model.physics import COLLISION_API, DAMPING, DRIVE_API, MAX_FORCE, STIFFNESS, collides
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.traction import (

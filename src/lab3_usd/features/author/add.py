@@ -14,11 +14,7 @@ import click
 from msgspec import Struct
 
 from lab3_usd.commands.shared.configuration import use_config
-from lab3_usd.commands.shared.options import (
-    file_option,
-    recorded,
-    width,
-)
+from lab3_usd.commands.shared.options import file_option, recorded, width
 from lab3_usd.commands.shared.paths import Input, OutputFile
 from lab3_usd.commands.shared.writing import (
     WritingOptions,

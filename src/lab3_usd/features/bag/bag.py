@@ -12,11 +12,7 @@ from lab3_usd.commands.shared.options import color_option, text_or_json
 from lab3_usd.commands.shared.paths import Input, MapInput, RecordingInput
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
-from lab3_usd.features.sim.behaviour import (
-    checkpoint_option,
-    page_option,
-    write_behaviour,
-)
+from lab3_usd.features.sim.behaviour import checkpoint_option, page_option, write_behaviour
 from lab3_usd.installation import install_command
 
 

@@ -22,13 +22,7 @@ from lab3_usd.commands.shared.options import (
 )
 from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
 from lab3_usd.errors import EXIT_FOUND
-from lab3_usd.files import (
-    copy_beside,
-    make_folder,
-    original_of,
-    refuse_existing,
-    write_whole,
-)
+from lab3_usd.files import copy_beside, make_folder, original_of, refuse_existing, write_whole
 
 if TYPE_CHECKING:
     from lab3_usd.diff import Comparison

@@ -6,10 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import (
-    echo,
-    written_file,
-)
+from lab3_usd.commands.shared.options import echo, written_file
 from lab3_usd.data import program
 from lab3_usd.deliverables.nav2_templates import fill_template
 from lab3_usd.errors import UsageError

@@ -19,11 +19,7 @@ from lab3_usd.commands.shared.options import (
 from lab3_usd.commands.shared.paths import Input, MapInput
 from lab3_usd.errors import UsageError
 from lab3_usd.features.sim.additions import SimAddition, SimOptions, additions_to_sim
-from lab3_usd.features.sim.behaviour import (
-    checkpoint_option,
-    page_option,
-    write_behaviour,
-)
+from lab3_usd.features.sim.behaviour import checkpoint_option, page_option, write_behaviour
 
 if TYPE_CHECKING:
     from lab3_usd.model.finding import Finding

@@ -9,11 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import SpecError
-from lab3_usd.isaac.behaviour import (
-    Scripts,
-    SingleSignal,
-    WriterPorts,
-)
+from lab3_usd.isaac.behaviour import Scripts, SingleSignal, WriterPorts
 from lab3_usd.isaac.graph_form import Evaluation, GraphForm
 from lab3_usd.isaac.load.graph_form import GraphEntry, attribute_over, graph_form
 from lab3_usd.isaac.load.node_types import TypeEntry, parse_types, type_over

@@ -30,10 +30,7 @@ from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
 from lab3_usd.isaac.load.recipes import load_recipes
 from lab3_usd.isaac.load.sensor_models import sensor_models
 from lab3_usd.isaac.names import Names, OtherName
-from lab3_usd.isaac.node_types import (
-    INPUT,
-    NodeType,
-)
+from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform, RosNames
 from lab3_usd.isaac.release_changes import ANY, ReleaseChanges
 from lab3_usd.isaac.releases import BASE, Release, TypeChanges, both_changes, order

@@ -7,14 +7,7 @@ from typing import Any, Literal
 from msgspec import to_builtins
 from msgspec.structs import asdict
 
-from lab3_usd.model.finding import (
-    Crash,
-    Finding,
-    NodeCoverage,
-    Report,
-    Requirement,
-    Score,
-)
+from lab3_usd.model.finding import Crash, Finding, NodeCoverage, Report, Requirement, Score
 from lab3_usd.report.entries import Summary, fault_id, severity_counts, summarize
 from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, Rules, tool_version

@@ -37,14 +37,7 @@ from lab3_usd.report.grouped_stages import (
     to_come_text,
 )
 from lab3_usd.report.options import Options, Rules
-from lab3_usd.report.safe_text import (
-    Excerpt,
-    excerpt_lines,
-    folded,
-    paint,
-    read_excerpts,
-    visible,
-)
+from lab3_usd.report.safe_text import Excerpt, excerpt_lines, folded, paint, read_excerpts, visible
 from lab3_usd.spec.load.loader import load_lab
 
 LABEL = 10

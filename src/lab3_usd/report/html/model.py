@@ -23,14 +23,7 @@ from lab3_usd.facts.frames import (
     unresolved_frames,
 )
 from lab3_usd.installation import command_line
-from lab3_usd.model.finding import (
-    ChecklistItem,
-    Crash,
-    Finding,
-    Severity,
-    StageResult,
-    section_key,
-)
+from lab3_usd.model.finding import ChecklistItem, Crash, Finding, Severity, StageResult, section_key
 from lab3_usd.model.stage import StageModel
 from lab3_usd.report.entries import coverage_line, is_repairable
 from lab3_usd.report.grouped_stages import Block, ReportedFault, Spot, Stage, Stages

@@ -12,12 +12,7 @@ from lab3_usd.check.match.graphs import match_all
 from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.check.robot.location import relocated_lab, relocated_spec, robot_relocations
 from lab3_usd.check.robot.sensors import sensor_relocations
-from lab3_usd.facts.frames import (
-    all_edges,
-    all_unresolved_frames,
-    edges_on,
-    unresolved_frames,
-)
+from lab3_usd.facts.frames import all_edges, all_unresolved_frames, edges_on, unresolved_frames
 from lab3_usd.model.finding import Finding, Severity
 from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import GraphModel, StageModel

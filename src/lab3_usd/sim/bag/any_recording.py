@@ -18,13 +18,7 @@ from lab3_usd.sim.any_stage import one_tree
 from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.decoder import is_read
 from lab3_usd.sim.bag.driven import follows_side
-from lab3_usd.sim.bag.judge import (
-    Recorded,
-    judged_drives,
-    of_recording,
-    recorded_drive,
-    unread,
-)
+from lab3_usd.sim.bag.judge import Recorded, judged_drives, of_recording, recorded_drive, unread
 from lab3_usd.sim.bag.reader import Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, Offered, layout_at, opened
 from lab3_usd.sim.execution.recording import Odometry

@@ -11,14 +11,7 @@ from rosbags.serde import SerdeError
 
 from lab3_usd.model.dry_run import Affine, heading, rotation
 from lab3_usd.model.occupancy import OccupancyMap
-from lab3_usd.sim.execution.recording import (
-    JointStates,
-    Odometry,
-    Scan,
-    Steering,
-    Transform,
-    View,
-)
+from lab3_usd.sim.execution.recording import JointStates, Odometry, Scan, Steering, Transform, View
 from lab3_usd.sim.ros_messages import STEERING, STORE
 
 _NANOSECONDS = 1e9

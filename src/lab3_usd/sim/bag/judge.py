@@ -32,22 +32,10 @@ from lab3_usd.sim.execution.drive import Session
 from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 from lab3_usd.sim.judge.checks import is_asked
-from lab3_usd.sim.judge.expectations import (
-    PHYSICAL,
-    RunFault,
-    Trial,
-    displacement,
-    is_about,
-)
+from lab3_usd.sim.judge.expectations import PHYSICAL, RunFault, Trial, displacement, is_about
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import SHORT
-from lab3_usd.sim.judge.topics import (
-    SLOW,
-    expected_at,
-    expected_of_each,
-    map_topic,
-    reached_topics,
-)
+from lab3_usd.sim.judge.topics import SLOW, expected_at, expected_of_each, map_topic, reached_topics
 from lab3_usd.sim.outcome import DryRun, behaviour_of, judge_each
 from lab3_usd.sim.robots import STEERING
 from lab3_usd.sim.streams import CLOCK, TRANSFORMS

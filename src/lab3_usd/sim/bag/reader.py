@@ -12,14 +12,7 @@ from lab3_usd.model.dry_run import Affine, Frame, Place, heading, rotation
 from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.sim.bag.decoder import MOST_NAMES, Decoded, decode, has_header, header, is_read
 from lab3_usd.sim.bag.recording_files import Bounds, Offered, Raw
-from lab3_usd.sim.execution.recording import (
-    Message,
-    Odometry,
-    Recording,
-    Scan,
-    Steering,
-    Transform,
-)
+from lab3_usd.sim.execution.recording import Message, Odometry, Recording, Scan, Steering, Transform
 from lab3_usd.sim.judge.expectations import Expected
 
 NEAR = 0.5  # seconds from the clock within which a stamp is of that clock

@@ -22,9 +22,7 @@ from ruamel.yaml import YAML
 from lab3_usd.errors import unwritten
 from lab3_usd.sim.bag.recording_files import NOT_SENT
 from lab3_usd.sim.bag.tape import Tape
-from lab3_usd.sim.execution.recording import (
-    Profile,
-)
+from lab3_usd.sim.execution.recording import Profile
 from lab3_usd.sim.ros_messages import STORE, command_message, nanoseconds, serialized
 
 HUMBLE = 5  # the version of its metadata

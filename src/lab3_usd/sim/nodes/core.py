@@ -7,13 +7,7 @@ import json
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.pure_nodes import are_numbers
 from lab3_usd.model.dry_run import Affine, Quaternion
-from lab3_usd.sim.execution.node_instance import (
-    CONSTANT,
-    FRAME,
-    STEP,
-    NodeInstance,
-    computes,
-)
+from lab3_usd.sim.execution.node_instance import CONSTANT, FRAME, STEP, NodeInstance, computes
 from lab3_usd.sim.execution.world import World, domain_number
 
 NO_TURN = (0.0, 0.0, 0.0, 1.0)

@@ -16,13 +16,7 @@ from lab3_usd.model.transforms import Vector, cross, dot, length
 from lab3_usd.physics.machine import Joint, Machine
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
-from lab3_usd.sim.execution.world import (
-    RosEndpoint,
-    World,
-    open_endpoint,
-    opened_endpoint,
-    send,
-)
+from lab3_usd.sim.execution.world import RosEndpoint, World, open_endpoint, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 
 _LIMITS = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")

@@ -27,15 +27,7 @@ from lab3_usd.isaac.graph import (
 from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import is_known_type, typed_value
-from lab3_usd.spec.graph import (
-    EarlierValues,
-    GraphSpec,
-    NodeSpec,
-    Setting,
-    Target,
-    Variable,
-    Wire,
-)
+from lab3_usd.spec.graph import EarlierValues, GraphSpec, NodeSpec, Setting, Target, Variable, Wire
 from lab3_usd.yaml_file import as_record
 
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")

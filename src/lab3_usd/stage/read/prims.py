@@ -19,12 +19,7 @@ from lab3_usd.model.prims import NameFilter, Prim, Prims, name_matches, of_any_n
 from lab3_usd.stage.read.assets import IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.prim_transforms import TransformCache, is_placeless
-from lab3_usd.stage.read.properties import (
-    MOST_EMITTERS,
-    AuthoredProperties,
-    plain_value,
-    prim_at,
-)
+from lab3_usd.stage.read.properties import MOST_EMITTERS, AuthoredProperties, plain_value, prim_at
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name
 
