@@ -99,8 +99,8 @@ def test_the_students_of_a_gradebook_are_completed(
     ("points", "earned", "because"),
     [
         ("", 100.0, "remark: see me"),
-        ("-7.5", 92.5, "adjusted by hand: see me"),
-        ("60", 60.0, "adjusted by hand: see me"),
+        ("-7.5", 92.5, "adjusted by hand: see me (-7.5 points)"),
+        ("60", 60.0, "adjusted by hand: see me (-40 points)"),
         ("3d", 70.0, "late by 3 days, each 10%: see me"),
         ("11d", 0.0, "late by 11 days, each 10%: see me"),
     ],

@@ -226,7 +226,7 @@ def _decided(rubric: Rubric, total: Grade, by_hand: Adjustment) -> Grade:
         because = f"late by {days}, each {rubric.late.per_day:.0%}: {by_hand.text}"
     elif by_hand.points is not None:
         points = by_hand.points + (points if by_hand.is_change else 0.0)
-        because = f"{ADJUSTED}{by_hand.text}"
+        because = f"{ADJUSTED}{by_hand.text} ({points - total.earned:+g} points)"
     earned = total.earned if points == total.earned else _cents(max(0.0, points), total.possible)
     percent = _cents(100 * earned / total.possible, 100.0) if total.possible else None
     return replace(total, earned=earned, percent=percent, because=(*total.because, because))
