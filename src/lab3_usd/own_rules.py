@@ -177,4 +177,4 @@ def _edit(step: _Step, where: str) -> Edit:
             return _VERBS[verb](*given)
         except (TypeError, AttributeError) as error:
             raise SpecError(f"{where}: {verb} does not take {given}") from error
-    raise SpecError(f"{where}: {', '.join(step)} is no step; known are {', '.join(_VERBS)}")
+    raise SpecError(f"{where}: {', '.join(step)} is not a step; known are {', '.join(_VERBS)}")

@@ -31,7 +31,7 @@ class _UniqueKeys(_Safe):  # type: ignore[misc]  # the base is chosen at run tim
 
     def construct_mapping(self, node: Any, deep: bool = False) -> dict[Any, Any]:  # noqa: FBT001, FBT002 - PyYAML's signature
         if not isinstance(node, yaml.MappingNode):  # a tag says that it is one
-            raise yaml.MarkedYAMLError(problem="is no mapping", problem_mark=node.start_mark)
+            raise yaml.MarkedYAMLError(problem="is not a mapping", problem_mark=node.start_mark)
         seen: set[str] = set()
         for key, _ in node.value:
             problem = ""
@@ -85,7 +85,7 @@ def read_foreign_yaml(path: Path) -> dict[str, Any]:
 
 def _bounded(path: Path) -> bytes:
     if path.exists() and not path.is_file():
-        raise SpecError(f"{path.name}: is no file")
+        raise SpecError(f"{path.name}: is not a file")
     with path.open("rb") as file:
         text = file.read(_MEGABYTE + 1)
     if len(text) > _MEGABYTE:

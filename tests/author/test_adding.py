@@ -396,10 +396,10 @@ def test_a_file_of_requests_brings_a_stage_there_and_changes_nothing_twice(tmp_p
 @pytest.mark.parametrize(
     ("entry", "words"),
     [
-        ("drive: {raduis: 0.1}", "'raduis' is no option of drive; did you mean radius?"),
-        ("drive:\n      topc: /go", "'topc' is no option of drive; did you mean topic?"),
-        ("clock: {radius: 0.1}", "'radius' is no option of clock; known are domain"),
-        ("clok", "'clok' is no kind of graph; did you mean clock?"),
+        ("drive: {raduis: 0.1}", "'raduis' is not an option of drive; did you mean radius?"),
+        ("drive:\n      topc: /go", "'topc' is not an option of drive; did you mean topic?"),
+        ("clock: {radius: 0.1}", "'radius' is not an option of clock; known are domain"),
+        ("clok", "'clok' is not a kind of graph; did you mean clock?"),
         ("{drive: {}, clock: {}}", "names 2 kinds"),
         ("drive: {radius: wide}", "drive: 'radius' is 'wide', expected a number"),
     ],

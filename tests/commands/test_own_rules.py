@@ -145,7 +145,7 @@ def two(subject): ...
         ("", "holds no rule"),
         (
             "from lab3_usd.own_rules import own_rule\nown_rule('K01', 'x')(lambda subject: ())\n",
-            "K01 is no id of a rule",
+            "K01 is not an id of a rule",
         ),
         (
             "from lab3_usd.own_rules import own_rule\nown_rule('UV01', 'x')(lambda subject: ())\n",

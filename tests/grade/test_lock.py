@@ -119,7 +119,7 @@ def test_a_killed_run_goes_on_with_resume_and_force(tmp_path: Path) -> None:
 @pytest.mark.parametrize("force", [False, True])
 def test_a_file_of_that_name_that_is_no_lock_stays(*, force: bool, tmp_path: Path) -> None:
     (tmp_path / LOCK).write_text("notes")
-    with pytest.raises(UsageError, match="is no lock of a run"), locked(tmp_path, force=force):
+    with pytest.raises(UsageError, match="is not a lock of a run"), locked(tmp_path, force=force):
         pass
     assert (tmp_path / LOCK).read_text() == "notes"
 

@@ -656,7 +656,7 @@ def test_a_value_that_unfolds_without_end_is_refused_in_one_short_line(tmp_path:
 
 
 def test_a_rubric_may_only_be_a_file(tmp_path: Path) -> None:
-    with pytest.raises(SpecError, match="is no file"):
+    with pytest.raises(SpecError, match="is not a file"):
         load_rubric(tmp_path, LAB)
 
 

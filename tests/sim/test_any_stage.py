@@ -811,7 +811,7 @@ def test_what_a_robot_publishes_is_its_own(tmp_path: Path) -> None:
     found = by_name(played(stage, tmp_path))["topics"]
     assert (found.verdict, found.kind) == ("bad", "wrong-topic")
     assert (
-        f"/other/odom shows {ROBOT}/chassis, which is no part of {ROBOT}2/chassis" in found.message
+        f"/other/odom shows {ROBOT}/chassis, which is not part of {ROBOT}2/chassis" in found.message
     )
     for prim in stage.GetPrimAtPath("/World/Odometry2").GetChildren():
         for target in prim.GetRelationships():

@@ -93,7 +93,7 @@ def test_a_message_of_any_type_is_published_from_the_third_signal_on(tmp_path: P
 @pytest.mark.parametrize(
     ("package", "folder", "name", "reason"),
     [
-        ("std_msgs", "msg", "Float32.msg", "Float32.msg is no name of a message"),
+        ("std_msgs", "msg", "Float32.msg", "Float32.msg is not the name of a message"),
         ("geometry_msg", "msg", "Pose", "there is no package geometry_msg, but geometry_msgs"),
         ("std_msgs", "srv", "Empty", "messages are in msg, not in srv"),
         ("geometry_msgs", "msg", "Poses", "geometry_msgs has no Poses"),

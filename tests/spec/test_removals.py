@@ -90,5 +90,7 @@ def test_what_is_removed_too_early_is_missing(folder: Path, tmp_path: Path) -> N
 
 def test_a_name_that_nothing_has_is_refused(tmp_path: Path) -> None:
     lab = lab_that_removes(tmp_path / "lab", "[Sacn]")
-    with pytest.raises(SpecError, match="'Sacn' is no path, and no graph or sensor that is there"):
+    with pytest.raises(
+        SpecError, match="'Sacn' is not a path, and no graph or sensor that is there"
+    ):
         load_lab(lab)

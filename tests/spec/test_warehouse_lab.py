@@ -505,7 +505,7 @@ def test_a_placeholder_that_nobody_fills_in_is_refused(tmp_path: Path) -> None:
     shutil.copytree(WAREHOUSE, copy)
     file = copy / "checkpoints.yaml"
     file.write_text(file.read_text().replace("{team}", "{squad}"))
-    with pytest.raises(SpecError, match=r"files: '\{squad\}' is no placeholder"):
+    with pytest.raises(SpecError, match=r"files: '\{squad\}' is not a placeholder"):
         load_lab(copy)
 
 
@@ -653,7 +653,7 @@ def test_a_course_may_use_another_release(lab: Lab, built: Path, tmp_path: Path)
 
 def test_an_unknown_release_is_refused(tmp_path: Path) -> None:
     with pytest.raises(
-        SpecError, match=r"isaac: '7.1' is no release of Isaac Sim; known are 2022.2"
+        SpecError, match=r"isaac: '7.1' is not a release of Isaac Sim; known are 2022.2"
     ):
         load_lab(lab_of("7.1", tmp_path / "lab"))
 

@@ -339,7 +339,7 @@ def _frame_notes(task: Task, values: dict[str, Any], model: StageModel) -> list[
     if frame in {name for edge in all_edges(model) for name in (edge.parent, edge.child)}:
         return []
     if frame != sensor.frame:
-        return [f"nothing sends the frame {frame}, which is no prim's: publish it elsewhere"]
+        return [f"nothing sends the frame {frame}, which is not a prim's: publish it elsewhere"]
     parent = f" --parent {sensor.carrier}" if sensor.carrier else ""
     how = f"lab3 add tf STAGE --targets {sensor.prim.path}{parent}"
     return [f"nothing sends the frame {frame}: --with-tf, or {how}"]

@@ -119,7 +119,7 @@ def recipe_of(kind: str, recipes: Mapping[str, Recipe]) -> Recipe:
     if recipe is None:
         near = did_you_mean(likely_name(kind, list(recipes)))
         listed = ", ".join(sorted(recipes))
-        raise UsageError(f"'{kind}' is no kind of graph{near}; known are {listed}")
+        raise UsageError(f"'{kind}' is not a kind of graph{near}; known are {listed}")
     return recipe
 
 
@@ -134,7 +134,9 @@ def options_of(values: Mapping[str, Any], where: str) -> Options:
     for name in named:
         if name not in known:
             near = did_you_mean(likely_name(name, known))
-            raise UsageError(f"{where}: '{name}' is no option{near}; known are {', '.join(known)}")
+            raise UsageError(
+                f"{where}: '{name}' is not an option{near}; known are {', '.join(known)}"
+            )
     try:
         return msgspec.convert(named, Options)
     except msgspec.ValidationError as error:
@@ -192,5 +194,5 @@ def _option(key: str, value: Any, recipe: Recipe) -> Options:
     known = sorted(taken.replace("_", "-") for taken in taken_options(recipe))
     if name not in known:
         near, listed = did_you_mean(likely_name(name, known)), ", ".join(known)
-        raise UsageError(f"'{key}' is no option of {recipe.kind}{near}; known are {listed}")
+        raise UsageError(f"'{key}' is not an option of {recipe.kind}{near}; known are {listed}")
     return as_record({name: value}, Options, recipe.kind)

@@ -38,7 +38,7 @@ def checked_topic(name: str, option: str) -> str:
         UsageError: ROS 2 has no such topic.
     """
     if ros_name("", name) is None:
-        raise UsageError(f"{option} {name!r}: is no topic; letters, digits, _ and / make one")
+        raise UsageError(f"{option} {name!r}: is not a topic; letters, digits, _ and / make one")
     return name
 
 
@@ -77,7 +77,7 @@ def namespace_holes(task: Task) -> Iterator[Hole]:
     given = task.options.namespace
     if given is not None:
         if given and ros_name(given, "a") is None:
-            raise UsageError(f"--namespace {given!r}: is no namespace of ROS 2")
+            raise UsageError(f"--namespace {given!r}: is not a namespace of ROS 2")
         yield Hole("namespace", given, "namespace", given, "given", "--namespace")
         yield Hole("tf_namespace", given)
         return

@@ -123,7 +123,7 @@ def size(task: Task) -> Iterator[Hole]:
     for name in ("width", "height"):
         value = getattr(task.options, name)
         if value is not None and value <= 0:
-            raise UsageError(f"--{name} {value}: is no size in pixels")
+            raise UsageError(f"--{name} {value}: is not a size in pixels")
         yield Hole(name, value)
     width, height = task.options.width, task.options.height
     if width or height:

@@ -111,7 +111,7 @@ def _radius_hole(
 ) -> Hole:
     if given is not None:
         if not given > 0 or not math.isfinite(given):
-            raise UsageError(f"--radius {given:g}: is no radius in metres")
+            raise UsageError(f"--radius {given:g}: is not a radius in metres")
         return Hole(name, float(given), label, f"{given:g} m", "given", "--radius")
     if not wheels:
         raise UsageError(f"no wheel of {robot.path} is known by these joints: give --radius")
@@ -136,7 +136,7 @@ def _radius_hole(
 def _distance_hole(groups: Sequence[_Pair], robot: Robot, given: float | None) -> Hole:
     if given is not None:
         if not given > 0 or not math.isfinite(given):
-            raise UsageError(f"--distance {given:g}: is no distance in metres")
+            raise UsageError(f"--distance {given:g}: is not a distance in metres")
         return Hole("distance", float(given), "distance", f"{given:g} m", "given", "--distance")
     found = [abs(a.place[1] - b.place[1]) for a, b in groups if a is not None and b is not None]
     if not found or len(found) < len(groups):
@@ -172,8 +172,8 @@ def steering(task: Task) -> Iterator[Hole]:
     if len(turning) != 1 or len(rolling) != 1 or len(steered) + len(fixed) != 2 * _PAIR:
         _refuse_unknown_wheels(task, robot)
         raise UsageError(
-            f"{robot.path} is no car: it has {len(steered)} steered and {len(fixed)} other wheels, "
-            "expected two of each, left and right"
+            f"{robot.path} is not a car: it has {len(steered)} steered and {len(fixed)} other "
+            "wheels, expected two of each, left and right"
         )
     (steer_left, steer_right), (roll_left, roll_right) = turning[0], rolling[0]
     is_rear = steer_left.place[0] < roll_left.place[0]

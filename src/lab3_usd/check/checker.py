@@ -138,7 +138,7 @@ def _nested_nodes(subjects: Iterable[GraphSubject]) -> Iterator[str]:
     for subject in subjects:
         for node in nested_nodes(subject).values():
             yield (
-                f"{node.path} is no direct child of its graph: whether Isaac Sim runs it is "
+                f"{node.path} is not a direct child of its graph: whether Isaac Sim runs it is "
                 "unknown; drag it onto the graph in the Stage panel"
             )
 

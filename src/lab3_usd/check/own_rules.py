@@ -32,7 +32,7 @@ def own_rule(rule_id: str, name: str, severity: Severity = "error") -> Callable[
         ValueError: the id is of another form, or taken.
     """
     if not re.fullmatch(_ID, rule_id):
-        raise ValueError(f"{rule_id} is no id of a rule: letters, then digits, as in ACME01")
+        raise ValueError(f"{rule_id} is not an id of a rule: letters, then digits, as in ACME01")
     if rule_id.rstrip("0123456789") in FAMILIES:
         raise ValueError(f"{rule_id}: its letters are those of a family of this program")
     return rule(rule_id, name, "own", severity)

@@ -115,7 +115,7 @@ def _refusal_text(entry: os.DirEntry[str], real_root: Path) -> str:
     if stat.S_ISDIR(mode):
         return "is a link to a folder"
     if not stat.S_ISREG(mode):
-        return "is no file but a pipe, socket or device"
+        return "is not a file but a pipe, socket or device"
     return "" if os.access(entry.path, os.R_OK) else "cannot be read: permission denied"
 
 

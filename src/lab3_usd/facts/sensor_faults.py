@@ -141,7 +141,7 @@ def _types(values: SensorValues, models: SensorModels) -> Iterator[SensorFault]:
             message = f"{name} has type {_type_of(value)}, expected {said.type}"
             yield SensorFault((name,), message, said.type, "error", _SCHEMA, is_type=True)
         elif not _is_finite(value):
-            message = f"{name} is {display(value)}, which is no finite number"
+            message = f"{name} is {display(value)}, which is not a finite number"
             yield SensorFault((name,), message, "a finite number", "warning", _SCHEMA)
 
 

@@ -188,7 +188,7 @@ def why_dead(wire: Connection, stage: StageModel) -> str | None:
         for absent in graph.absent:
             if absent.path == path:
                 return f"is {absent.reason}"
-    return absence_reason(stage, path) if stage.prim(path) is None else "is no node"
+    return absence_reason(stage, path) if stage.prim(path) is None else "is not a node"
 
 
 def sublayer_with_source(wire: Connection, stage: StageModel) -> str | None:

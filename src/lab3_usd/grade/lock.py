@@ -78,7 +78,7 @@ def _take(handle: int, out: Path, *, force: bool) -> None:
     try:
         owner = msgspec.json.decode(text, type=Owner) if text else None  # killed before it wrote
     except msgspec.MsgspecError as error:
-        raise UsageError(f"{out / LOCK}: is no lock of a run; move it away") from error
+        raise UsageError(f"{out / LOCK}: is not a lock of a run; move it away") from error
     if is_free is False:
         by = f" by {owner}" if owner else ""
         raise UsageError(f"{out}: is being written{by}; wait for it, or choose another -o")

@@ -277,7 +277,7 @@ def _check_breaks(item: Item, required: Mapping[str, tuple[Requirement, ...]], p
         is_rule = name.partition(_ERROR)[2] in rules if _ERROR in name else name in rules
         if not is_rule and not any(fnmatchcase(known, name) for known in ids):
             raise SpecError(
-                f"{place}: '{name}' in 'breaks' is no rule, and nothing that "
+                f"{place}: '{name}' in 'breaks' is not a rule, and nothing that "
                 f"checkpoint {item.checkpoint} asks for"
             )
     every = [requirement.id for asked in required.values() for requirement in asked]

@@ -196,7 +196,7 @@ def checked_value(port: Port, value: Any) -> Value:
         GraphError: the input takes no values, or not this one.
     """
     if port.is_execution or port.is_target:
-        raise GraphError(f"{port.name}: is no value, but {port.ogn_type}")
+        raise GraphError(f"{port.name}: is not a value, but {port.ogn_type}")
     try:
         checked = typed_value(value, port.usd_type, port.name)
     except SpecError as error:

@@ -49,7 +49,7 @@ def why_no_message(package: str, folder: str, name: str) -> str:
     if folder not in {MESSAGES, "action"}:
         return f"messages are in {MESSAGES}, not in {folder}"
     if re.fullmatch(_NAME, name) is None:
-        return f"{name} is no name of a message"
+        return f"{name} is not the name of a message"
     known = _packages()
     if folder == MESSAGES and package in known and name not in known[package]:
         return f"{package} has no {name}"
@@ -65,7 +65,7 @@ def why_no_service(package: str, folder: str, name: str) -> str:
         return f"services are in {SERVICES}, not in {folder}"
     is_message = name in _packages().get(package, ())
     if is_message or re.fullmatch(_NAME, name) is None:
-        return f"{name} is no name of a service"
+        return f"{name} is not the name of a service"
     return ""
 
 

@@ -99,7 +99,7 @@ def find_entries(path: str, settings: JudgeSettings) -> Iterator[Target]:
     )
     if not any(known_checkpoint(str(file), settings, lab) for file in files):
         what = "no stage with a checkpoint in its name" if files else "no stage"
-        raise UsageError(f"{path}: holds {what} and is no submission; {_elsewhere(Path(path))}")
+        raise UsageError(f"{path}: holds {what} and is not a submission; {_elsewhere(Path(path))}")
     for file in files:
         checkpoint_at(str(file), settings, lab)
         yield Target(str(file), is_submission=False)

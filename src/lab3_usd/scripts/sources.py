@@ -117,7 +117,7 @@ def _notebook(path: Path, data: bytes) -> Source:
         document = json.loads(text)
         cells = [(kind["cell_type"], kind["source"]) for kind in document["cells"]]
     except (ValueError, KeyError, TypeError, RecursionError) as error:
-        raise StageError(f"{path}: is no notebook that can be read ({error})") from error
+        raise StageError(f"{path}: is not a notebook that can be read ({error})") from error
     lines: list[str] = []
     numbers: list[int] = []
     places: list[int] = []

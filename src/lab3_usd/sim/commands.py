@@ -109,7 +109,7 @@ def of_another(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
             # A transform of another robot's base may say where that is.
             is_base = prim in found and message.type == TRANSFORMS
             if len(found) == 1 and not found & expected and not is_base:
-                text = f"{message.topic} shows {prim}, which is no part of {min(expected)}"
+                text = f"{message.topic} shows {prim}, which is not part of {min(expected)}"
                 yield RunFault(text, "wrong-topic", node)
                 break
 

@@ -253,7 +253,7 @@ def _is_judged(node: Node, port: str, subject: GraphsSubject) -> bool:
 @rule("K05", "stray-node", scope="lint", severity="warning")
 @rule("N09", "node-outside-graph", scope="stage", severity="warning")
 def stray_node(subject: LintSubject | StageSubject) -> Iterator[Problem]:
-    """A node is in no graph, or a graph's prim is no node.
+    """A node is in no graph, or a graph's prim is not a node.
 
     Why: Isaac Sim evaluates only nodes that are children of a graph. A node elsewhere, or a prim of
     another type, never computes. Where a graph of a lab lacks the node, the finding of the graph

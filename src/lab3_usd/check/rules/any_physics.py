@@ -86,7 +86,7 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
         more = f", and of {len(prims) - 1} more" if prims[1:] else ""
         yield Problem(
             prims[0].path,
-            f"{_OWNER} is {owner}, which is no physics scene: PhysX makes no {kind} of it{more}",
+            f"{_OWNER} is {owner}, which is not a physics scene: PhysX makes no {kind} of it{more}",
             property=_OWNER,
             expected="no target, or a physics scene",
             actual=owner,

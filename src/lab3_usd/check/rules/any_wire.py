@@ -255,7 +255,7 @@ def _with_port(problem: Problem, opening: str, wire: Connection, subject: Graphs
     """Say which port a source lacks, and which was likely meant."""
     source, kind = wire.source, None if wire.source is None else wire.source.type
     if source is None or kind is None:
-        return replace(problem, message=f"{opening}which is no port of it")
+        return replace(problem, message=f"{opening}which is not a port of it")
     if source.has_port(wire.source_port):
         return replace(problem, message=f"{opening}an input, which sends no signal")
     near = _meant(wire.source_port, kind, subject, is_source=True)

@@ -57,7 +57,7 @@ def _variable(node: Node, port: str, subject: LintSubject) -> Iterator[Problem]:
     near, stage = likely_name(name, variables), subject.stage
     # Nothing of a scene makes variables in the graphs that a script makes.
     missing = (stage.unknown_node if stage.build else stage.unknown)(node.path)
-    what = f"is {display(name)}, which is no variable of its graph{did_you_mean(near)}"
+    what = f"is {display(name)}, which is not a variable of its graph{did_you_mean(near)}"
     yield Problem(
         node.path,
         f"{port} {what if name else 'is empty: it names no variable of its graph'}",
@@ -89,7 +89,7 @@ def _prim_and_property(node: Node, subject: LintSubject) -> Iterator[Problem]:
         path = written if isinstance(written, str) else ""
         if path and subject.stage.prim(path) is None and not is_made_later(path, subject.stage):
             is_path = path.startswith("/")
-            reason = absence_reason(subject.stage, path) if is_path else "is no path of a prim"
+            reason = absence_reason(subject.stage, path) if is_path else "is not a path of a prim"
             yield Problem(
                 node.path,
                 f"{_PATH} is {display(path)}, which {reason}",

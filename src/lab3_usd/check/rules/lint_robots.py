@@ -125,7 +125,7 @@ def _why_no_body(odometry: Followed) -> str:
         return f"which lists no link in {odometry.asked.links}"
     fault = "is neither a rigid body nor an articulation root"
     if odometry.is_body:
-        fault = "is no rigid body, and an articulation root to which no joint ties a body"
+        fault = "is not a rigid body, and an articulation root to which no joint ties a body"
     is_other = odometry.body.path != odometry.prim.path
     return f"and its first link {odometry.body.path} {fault}" if is_other else f"which {fault}"
 

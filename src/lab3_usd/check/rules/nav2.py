@@ -59,7 +59,9 @@ def other_release_plugin(subject: NavigationSubject) -> Iterator[Problem]:
         elif plain not in ours and plain.partition("/")[0] in packages:
             likely = likely_name(plain, ours)
             hint = did_you_mean(ours[likely] if likely else None)
-            message = f"{parameter.name} is {shortened(value)}, which is no plugin of Humble{hint}"
+            message = (
+                f"{parameter.name} is {shortened(value)}, which is not a plugin of Humble{hint}"
+            )
             yield parameter_problem(subject, parameter, message, expected="a plugin of Humble")
 
 

@@ -120,7 +120,7 @@ def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
         if BODY_API in prim.apis and prim.placeless:
             yield Problem(
                 path,
-                f"{prim.name} is no rigid body: {untyped(prim)}",
+                f"{prim.name} is not a rigid body: {untyped(prim)}",
                 expected="Xform",
                 actual=prim.type or "no type",
                 handout=handout,

@@ -139,7 +139,7 @@ def unknown_command(subject: LintSubject) -> Iterator[Problem]:
                 span=fault.at,
             )
             continue
-        yield _unknown_name(fault, "is no command of an edit")
+        yield _unknown_name(fault, "is not a command of an edit")
 
 
 @rule("B04", "node-made-twice", scope="script")

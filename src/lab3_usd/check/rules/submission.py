@@ -92,7 +92,9 @@ def no_usd_extension(subject: SubmissionSubject) -> Iterator[Problem]:
     """
     for stage, name in _stages(subject, "slip"):
         ending = stage.path.rpartition(".")[2]
-        message = f"'.{ending}' is no ending of USD; '{subject.spec.stages.endings[0]}' is meant"
+        message = (
+            f"'.{ending}' is not an ending of USD; '{subject.spec.stages.endings[0]}' is meant"
+        )
         yield _named(stage, message, name)
 
 

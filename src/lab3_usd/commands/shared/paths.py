@@ -30,7 +30,7 @@ class Input(click.Path):
         try:
             return super().convert(value, param, ctx)
         except ValueError as error:  # a null byte
-            self.fail(f"{value!r} is no path: {error}", param, ctx)
+            self.fail(f"{value!r} is not a path: {error}", param, ctx)
 
     def places(self, value: str | Path) -> Iterator[Path]:
         """Yield what is read where this is given."""

@@ -105,7 +105,9 @@ def command(target: str, folder: Path, asked: DrawOptions, reading: StageOptions
         drawing = _of_stage(lab, path, asked, reading)
     else:
         names = ", ".join([*lab.graphs, TREE])
-        raise UsageError(f"'{target}' is no stage file and no graph of the lab; graphs are {names}")
+        raise UsageError(
+            f"'{target}' is neither a stage file nor a graph of the lab; graphs are {names}"
+        )
     encode = encoder(asked.form, asked.theme)
     if not drawing.pictures:
         raise UsageError(

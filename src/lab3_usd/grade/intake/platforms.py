@@ -127,7 +127,7 @@ def _loaded(data: bytes) -> dict[Any, Any] | _YamlFault:
         if mark is None:
             return _YamlFault(problem)
         return _YamlFault(f"line {mark.line + 1}: {problem}", mark.line)
-    return document if isinstance(document, dict) else _YamlFault("it is no mapping")
+    return document if isinstance(document, dict) else _YamlFault("it is not a mapping")
 
 
 def _text(person: dict[Any, Any], key: str) -> str:

@@ -260,7 +260,7 @@ def _running(
         if known is None or function is None or not is_direct:
             reason = f"node type {node.type or 'none'}"
             if not is_direct:
-                reason = "whether a node runs that is no direct child of its graph, is unknown"
+                reason = "whether a node runs that is not a direct child of its graph, is unknown"
             program.not_simulated[node.path] = reason
             program.unwritten[node.path] = known
             continue

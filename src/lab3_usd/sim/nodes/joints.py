@@ -38,7 +38,7 @@ def read_joint_state(node: NodeInstance, world: World) -> bool:
     if not targets:
         return node.fails("it has no prim", "no-articulation")
     if not joints:
-        text = f"{targets[0]} is no articulation, nor a link or joint of one"
+        text = f"{targets[0]} is not an articulation, nor a link or joint of one"
         return node.fails(text, "no-articulation")
     return node.goes_on()
 
@@ -66,7 +66,7 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
         targets = node.targets("targetPrim")
         machine = world.machines.viewed(targets[0]) if targets else None
         if machine is None:
-            is_part = "is no articulation, nor a link or joint of one"
+            is_part = "is not an articulation, nor a link or joint of one"
             text = f"{targets[0]} {is_part}" if targets else "it has no target"
             return node.fails(text, "no-articulation")
         joints = [*machine.articulated.values()]

@@ -93,7 +93,7 @@ def ending_faults(lab: Lab) -> Iterator[LabFault]:
     for key, endings in every.items():
         for ending in endings:
             if not ending.startswith("."):
-                message = f"'{ending}' is no ending, '.{ending}' is"
+                message = f"'{ending}' is not an ending, '.{ending}' is"
                 yield LabFault(SUBMISSION, f"stages: {key}", message)
 
 
@@ -103,7 +103,7 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
     if policy.tick not in types:
         meant = nearest_name(policy.tick, lab.platform.events)
         hint = f", '{meant}' is" if meant else ""
-        yield LabFault(CHECKPOINTS, "policy: tick", f"'{policy.tick}' is no node type{hint}")
+        yield LabFault(CHECKPOINTS, "policy: tick", f"'{policy.tick}' is not a node type{hint}")
     named = {"keep_default": policy.keep_default, "stamp_reset: ports": policy.stamp_reset.ports}
     named["stamp_reset: with"] = (policy.stamp_reset.agree,)
     for key, names in named.items():
@@ -114,7 +114,7 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
             if name not in inputs:
                 meant = nearest_name(name, inputs)
                 hint = f", '{meant}' is" if meant else ""
-                yield LabFault(CHECKPOINTS, f"policy: {key}", f"'{name}' is no input{hint}")
+                yield LabFault(CHECKPOINTS, f"policy: {key}", f"'{name}' is not an input{hint}")
     comes = {name: point for point in lab.checkpoints.values() for name in point.new}
     for name, graph in lab.graphs.items():
         for role, node in graph.nodes.items():

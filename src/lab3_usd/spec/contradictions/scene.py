@@ -68,7 +68,7 @@ def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
                 message = f"'{link}' is not a link{hint}"
                 yield LabFault(SCENE, f"{key}: links", message, f"{SCENE}: {robot.key}: links")
         if not (joint.type.startswith(_SCHEMA) and joint.type.endswith(_JOINT)):
-            message = f"'{joint.type}' is no type of joints, as {_SCHEMA}Revolute{_JOINT} is"
+            message = f"'{joint.type}' is not a type of joints, as {_SCHEMA}Revolute{_JOINT} is"
             yield LabFault(SCENE, f"{key}: type", message)
         if joint.limits is not None and joint.limits[0] > joint.limits[1]:
             low, high = joint.limits
@@ -91,7 +91,7 @@ def _absent_parts(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
         if not is_there and not f"{path}/".startswith(open_below):
             meant = nearest_name(path, known)
             hint = f", '{meant}' is" if meant else ""
-            yield LabFault(SCENE, key, f"'{path}' is no prim{hint}", where)
+            yield LabFault(SCENE, key, f"'{path}' is not a prim{hint}", where)
 
 
 _NEARLY = 0.9  # how alike two names are of which one is taken for misspelled
@@ -108,7 +108,7 @@ def _misspelled_parents(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabF
         parent = graph.path.rpartition("/")[0]
         meant = get_close_matches(parent, known, 1, _NEARLY) if parent not in known | made else ()
         for path in meant:
-            message = f"'{parent}' is no prim, '{path}' is"
+            message = f"'{parent}' is not a prim, '{path}' is"
             yield LabFault(file_of(graph), "path", message, where, "warning")
 
 
@@ -225,7 +225,7 @@ def _target_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]
                     meant = nearest_name(path, known)
                     hint = f", '{meant}' is" if meant else ""
                     key = f"{node.role}: {target.port.partition(':')[2]}"
-                    message = f"'{path}' is no prim of the {named}, and no sensor{hint}"
+                    message = f"'{path}' is not a prim of the {named}, and no sensor{hint}"
                     yield LabFault(file_of(graph), key, message, where)
 
 

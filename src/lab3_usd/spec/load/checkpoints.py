@@ -130,9 +130,7 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     for placeholder in re.findall(r"\{[^}]*\}?", content.files):
         if placeholder not in _PLACEHOLDERS:
             known = ", ".join(_PLACEHOLDERS)
-            wrong = (
-                f"'{placeholder}' is no placeholder, so that no file can match; known are {known}"
-            )
+            wrong = f"'{placeholder}' is not a placeholder: no file can match; known are {known}"
             raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
     return CheckpointFile(
         content.title,
@@ -292,7 +290,9 @@ def _check_removable(names: Iterable[str], previous: Checkpoint, where: str) -> 
     for name in names:
         if name not in known and not name.startswith("/"):
             listed = ", ".join(known) or "none"
-            wrong = f"'{name}' is no path, and no graph or sensor that is there; those are {listed}"
+            wrong = (
+                f"'{name}' is not a path, and no graph or sensor that is there; those are {listed}"
+            )
             raise SpecError(f"{where}: {wrong}")
 
 

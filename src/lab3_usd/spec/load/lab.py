@@ -128,7 +128,7 @@ def _refuse_placeholders(text: str, known: tuple[str, ...], where: str) -> None:
     for name in found:
         if name not in known:
             listed = ", ".join(f"{{{each}}}" for each in known)
-            raise SpecError(f"{where}: '{{{name}}}' is no placeholder; known are {listed}")
+            raise SpecError(f"{where}: '{{{name}}}' is not a placeholder; known are {listed}")
 
 
 def _evidence(content: RosFile) -> _ByName:

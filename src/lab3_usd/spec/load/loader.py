@@ -121,7 +121,7 @@ def _in_release(platform: Platform, release: str) -> Platform:
         from lab3_usd.spec.lab import CHECKPOINTS
 
         known = ", ".join(platform.known_releases)
-        wrong = f"'{release}' is no release of Isaac Sim; known are {known}"
+        wrong = f"'{release}' is not a release of Isaac Sim; known are {known}"
         raise SpecError(f"{CHECKPOINTS}: isaac: {wrong}")
     return platform.in_release(release) if release else platform
 

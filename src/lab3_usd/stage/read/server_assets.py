@@ -28,7 +28,7 @@ def check_place(address: str, folder: Path) -> None:
         UsageError: it is no address, or there is no such folder.
     """
     if not re.match(_ADDRESS, address) or ".." in address.split("/"):
-        raise UsageError(f"{address}: is no address, as https://server/Assets is")
+        raise UsageError(f"{address}: is not an address, as https://server/Assets is")
     if not folder.is_dir():
         raise UsageError(f"{folder}: there is no such folder, in which assets of {address} lie")
 

@@ -223,7 +223,7 @@ def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
         variability = Sdf.VariabilityVarying if kind == spec.type else Sdf.VariabilityUniform
         value_type = Sdf.ValueTypeNames.Find(kind)
         if not value_type:
-            raise SpecError(f"{site}: '{kind}' is no type of USD")
+            raise SpecError(f"{site}: '{kind}' is not a type of USD")
         attribute = prim.CreateAttribute(spec.name, value_type, False, variability)  # noqa: FBT003 - no keyword
     if not attribute:
         raise SpecError(f"{site} is not known to USD here, {_advice(prim, spec.name)}")
