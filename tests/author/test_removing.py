@@ -100,6 +100,16 @@ def test_two_graphs_of_a_kind_are_asked_about(tmp_path: Path) -> None:
     assert not Usd.Stage.Open(str(path)).GetPrimAtPath("/World/Graphs/Drive_beta")
 
 
+def test_of_two_graphs_of_a_kind_the_one_goes_that_is_asked_for(tmp_path: Path) -> None:
+    path = rover_at(tmp_path)
+    add(path, "joints")
+    before = path.read_bytes()
+    commands = Options(states=False, commands=True)
+    add(path, "joints", commands)
+    remove(path, "joints", commands)
+    assert path.read_bytes() == before
+
+
 def test_a_kind_that_is_not_there_is_said_with_the_graphs_there_are(tmp_path: Path) -> None:
     path = rover_at(tmp_path)
     add(path, "clock")

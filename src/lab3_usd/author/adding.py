@@ -12,17 +12,16 @@ from msgspec.structs import replace
 from lab3_usd.author.choosing import present_prim
 from lab3_usd.author.editing import Editing
 from lab3_usd.author.frame_holes import sent_frames
-from lab3_usd.author.holes import fill, subjects
+from lab3_usd.author.holes import planned, subjects
 from lab3_usd.author.places import graph_to_extend, new_path
 from lab3_usd.author.request import Options, Request, checked
 from lab3_usd.author.rivals import rivals
 from lab3_usd.author.task import Hole, Task
-from lab3_usd.errors import GraphError, StageError, UsageError
+from lab3_usd.errors import StageError, UsageError
 from lab3_usd.facts.frame_targets import frame_of_prim, tf_ports
 from lab3_usd.facts.frames import all_edges
 from lab3_usd.facts.planned_graphs import Likeness, extension, likeness
 from lab3_usd.files import FileState, copy_beside
-from lab3_usd.isaac.filling import filled
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.model.changes import AddGraph, DropPrim, Retarget
@@ -196,14 +195,9 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     else:
         path = _path(editing, request, recipe, subject)
     task = Task(model, recipe, request.options, path, robot, sensor, options.force)
-    holes = fill(task)
-    values = {hole.name: hole.value for hole in holes}
-    shown = tuple(hole for hole in (*holes, *_variants(editing, subject)) if hole.label)
-    try:
-        graph, shared = filled(recipe, path, values, editing.platform)
-    except GraphError as error:
-        release = editing.platform.release
-        raise UsageError(f"{recipe.kind} for Isaac Sim {release}: {error}") from error
+    plan = planned(task)
+    graph, shared, values = plan.graph, plan.shared, plan.values
+    shown = tuple(hole for hole in (*plan.holes, *_variants(editing, subject)) if hole.label)
     there = [likeness(graph, found, model) for found in model.graphs if _is_live(found.path, model)]
     same = next((found for found in there if found.is_same), None)
     if same is not None:

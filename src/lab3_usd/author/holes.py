@@ -3,6 +3,9 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from msgspec import Struct
 
 from lab3_usd.author import frame_holes, joint_holes, ros_holes, sensor_holes, wheel_holes
 from lab3_usd.author.choosing import (
@@ -12,8 +15,11 @@ from lab3_usd.author.choosing import (
 )
 from lab3_usd.author.request import Options
 from lab3_usd.author.task import Hole, Task, leaf
+from lab3_usd.errors import GraphError, UsageError
 from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.robots import Robot, Sensor, robot_of, robots
+from lab3_usd.isaac.filling import filled
+from lab3_usd.isaac.graph import Graph
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.model.stage import StageModel
 
@@ -61,6 +67,36 @@ def fill(task: Task) -> list[Hole]:
     for need in task.recipe.needs:
         holes += _FILLERS[need](task)
     return holes
+
+
+class Plan(Struct, frozen=True):
+    """A recipe with its holes filled: the graph, the roles that may be shared, and the facts."""
+
+    graph: Graph
+    shared: frozenset[str]
+    holes: tuple[Hole, ...]
+
+    @property
+    def values(self) -> dict[str, Any]:
+        """What fills the holes, by name."""
+        return {hole.name: hole.value for hole in self.holes}
+
+
+def planned(task: Task) -> Plan:
+    """Return the graph that a request asks for.
+
+    Raises:
+        UsageError: a fact is missing, several answers fit, or the release lacks something.
+    """
+    platform, recipe = task.stage.platform, task.recipe
+    holes = tuple(fill(task))
+    values = {hole.name: hole.value for hole in holes}
+    try:
+        graph, shared = filled(recipe, task.path, values, platform)
+    except GraphError as error:
+        what = f"{recipe.kind} for Isaac Sim {platform.release}"
+        raise UsageError(f"{what}: {error}") from error
+    return Plan(graph, shared, holes)
 
 
 def _nothing(_: Task) -> Iterator[Hole]:

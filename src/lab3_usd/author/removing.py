@@ -8,9 +8,12 @@ from pathlib import Path
 from msgspec import Struct
 
 from lab3_usd.author.editing import Editing
+from lab3_usd.author.holes import planned, subjects
 from lab3_usd.author.request import Request, recipe_of
+from lab3_usd.author.task import Task
 from lab3_usd.errors import AmbiguousError, UsageError
 from lab3_usd.facts.endpoints import endpoints
+from lab3_usd.facts.planned_graphs import likeness
 from lab3_usd.facts.robots import robots
 from lab3_usd.files import FileState
 from lab3_usd.isaac.node_types import NodeType
@@ -91,8 +94,9 @@ def _chosen(request: Request, editing: Editing) -> Candidate:
     for top in filter(None, (options.robot, options.prim)):
         parts = _parts(top, model)
         found = [candidate for candidate in found if _names(candidate, parts, model)]
-    if len(found) > 1:
-        found = [c for c in found if _is_about(c, request, model)] or found
+    for is_meant in (_is_about, _is_ours, _is_asked):
+        if len(found) > 1:
+            found = [c for c in found if is_meant(c, request, model)] or found
     if len(found) == 1:
         return found[0]
     if found:
@@ -171,6 +175,24 @@ def _is_about(candidate: Candidate, request: Request, model: StageModel) -> bool
         ends = resolved_topic(topic, space)
         wanted.append(any(name == ends or (name or "").endswith(ends) for name in topics))
     return all(wanted)
+
+
+def _is_ours(candidate: Candidate, request: Request, model: StageModel) -> bool:
+    """Whether a recipe brought a graph."""
+    del request, model
+    return not candidate.is_foreign
+
+
+def _is_asked(candidate: Candidate, request: Request, model: StageModel) -> bool:
+    """Whether a graph has what the request would add."""
+    recipe = recipe_of(request.kind, model.platform.recipes)
+    graph = next(found for found in model.graphs if found.path == candidate.graph)
+    try:
+        subject = subjects(model, recipe, request.options)
+        task = Task(model, recipe, request.options, candidate.graph, *subject, force=True)
+        return likeness(planned(task).graph, graph, model).is_same
+    except UsageError:  # what it was made of is gone
+        return False
 
 
 def _prims(candidate: Candidate, editing: Editing) -> tuple[str, ...]:
