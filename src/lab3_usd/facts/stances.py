@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import pairwise
+from itertools import combinations, pairwise
 from typing import TYPE_CHECKING
 
 from lab3_usd.facts.articulations import driven_wheels
@@ -38,6 +38,8 @@ _BESIDE = 2e-3  # metres around a centre of mass that are to be carried as well
 _STEP = 0.05  # metres that ground may be above the lowest point of a robot
 _HEAVY = 10.0  # times that inertia is larger than that of a ball around the body
 _MESH = "Mesh"
+_Point = tuple[float, float]
+_LEVEL = 1e-7  # metres by which a way over a place between two points is longer, 0.1 mm beside
 _FEW = 64  # square metres below a box, beyond which each robot looks at it
 
 
@@ -157,9 +159,18 @@ def _may_tip(stage: StageModel, own: Sequence[tuple[Collider, str]], bodies: Seq
             places.append((x, y))
     places += [(moment[0] / total, moment[1] / total)] if total else []
     middles = [_middle(box) for boxes in feet.values() for box in boxes]
-    around = [(x, y) for x in (-_BESIDE, _BESIDE) for y in (-_BESIDE, _BESIDE)]
-    return not places or not all(
-        _is_among(middles, (u + x, v + y)) for u, v in places for x, y in around
+    return not places or not all(_is_carried(place, middles) for place in places)
+
+
+def _is_carried(place: _Point, feet: Sequence[_Point]) -> bool:
+    """Whether a place, and what is right around it, is among points, or it is between two."""
+    x, y = place
+    around = [(x + u, y + v) for u in (-_BESIDE, _BESIDE) for v in (-_BESIDE, _BESIDE)]
+    if all(_is_among(feet, near) for near in around):
+        return True
+    pairs = combinations(feet, 2)
+    return any(
+        math.dist(a, place) + math.dist(place, b) - math.dist(a, b) < _LEVEL for a, b in pairs
     )
 
 
@@ -177,7 +188,7 @@ def _middle(box: Collider) -> tuple[float, float]:
     return (box.low[0] + box.high[0]) / 2, (box.low[1] + box.high[1]) / 2
 
 
-def _is_among(points: Sequence[tuple[float, float]], place: tuple[float, float]) -> bool:
+def _is_among(points: Sequence[_Point], place: _Point) -> bool:
     """Whether points lie around a place on all sides."""
     x, y = place
     ways = sorted(math.atan2(v - y, u - x) for u, v in points)
