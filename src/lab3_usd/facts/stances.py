@@ -93,12 +93,15 @@ def _is_doubtful(stage: StageModel) -> bool:
             boxes.setdefault(name, []).append((box, body))
     robots = {name: own for name, own in boxes.items() if name and bodies.sizes.get(name, 0) > 1}
     rolling = {bodies.robots[link] for link in wheels}
+    members: dict[str, list[str]] = {}
+    for body, name in bodies.robots.items():
+        members.setdefault(name, []).append(body)
     for name in rolling & robots.keys():
         own = robots[name]
         low = min((box.low[2] for box, body in own if body in wheels), default=0.0)
         if any(box.low[2] < low - _NOISE for box, body in own if body not in wheels):
             return True
-        if _may_tip(stage, own, [body for body, of in bodies.robots.items() if of == name]):
+        if _may_tip(stage, own, members[name]):
             return True
     whole = {name: _around(box for box, _ in own) for name, own in robots.items()}
     return (
