@@ -2,8 +2,14 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
+from invoking import invoke
 from linting import broken_robot, linted
-from pxr import Usd
+from pxr import Sdf, Usd
+
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.spec.load.loader import load_lab
 
 
 def told(stage: Usd.Stage, rule: str) -> list[str]:
@@ -35,3 +41,16 @@ def test_few_wires_are_listed_one_by_one() -> None:
     wires = [f"/World/Clock/clock.inputs:{name}" for name in names]
     steps = [{"connect": [wire, "/World/Gone/node.outputs:x"]} for wire in wires]
     assert len(told(broken_robot("rover", steps), "K20")) == len(names)
+
+
+def test_a_time_step_that_is_not_wired_is_said_without_what_needs_it(
+    shared: Path, tmp_path: Path
+) -> None:
+    yard, dt = shared / "courses" / "yard", "/World/Buggy/Steering/ackermann.inputs:dt"
+    assert invoke("--lab", yard, "build", "--out", tmp_path, "--only", "4").exit_code == 0
+    (stage,) = tmp_path.iterdir()
+    layer = Sdf.Layer.FindOrOpen(str(stage))
+    layer.GetAttributeAtPath(dt).connectionPathList.ClearEdits()
+    layer.Save()
+    findings = check_stage(stage, lab=load_lab(yard)).findings
+    assert [f"{each.rule} {each.prim}.{each.property}" for each in findings] == [f"W01 {dt}"]

@@ -359,6 +359,7 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
             from lab3_usd.check.missing_wires import step_wire  # which few stages need
 
             steps = () if node.type is None else node.type.time_step
+            at_steps = tuple((node.path, step) for step in steps)
             wires = ", ".join(map(short_source, node.sources(port)))
             first = f"delete the wire from {wires}, then " if wires else ""
             written = f"is {display(values[port])}" if port in values else "is connected"
@@ -373,6 +374,6 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
                 hint=f"{first}select {node_title(node)} and set {port.partition(':')[2]} to 0, or "
                 f"connect the delta of the tick to {steps[0].partition(':')[2]}",
                 fix=() if node.sources(steps[0]) else step_wire(node, steps[0], subject.stage),
-                assumes=() if port in values else ((node.path, port),),
-                covers=tuple((node.path, step) for step in steps),
+                assumes=() if port in values else ((node.path, port), *at_steps),
+                covers=at_steps if port in values else (),
             )
