@@ -128,7 +128,7 @@ def clock(recorded: Recorded) -> Iterator[RunFault]:
 
 
 def frames(recorded: Recorded) -> Iterator[RunFault]:
-    """Each frame keeps its parent to the end, and its transform comes without gaps, as it is wont.
+    """Each frame keeps its parent to the end, and its transform comes as often as it usually does.
 
     Who ties the root to a map is judged by itself.
     """
