@@ -52,6 +52,9 @@ props:
     handout: B2
     set: {"inputs:intensity": 900.0}
     from: furnished
+  junk: {path: "/Hall/Junk_*", count: 0, handout: B2, from: furnished}
+  bench_legs: {path: "/Hall/Leg_*", type: Cube, count: 1, handout: B2, from: furnished}
+  bench_feet: {path: "/Hall/Leg_*", type: Sphere, count: 1, handout: B2, from: furnished}
 """
 Change = Callable[[Usd.Stage], object]
 
@@ -67,6 +70,8 @@ def furnished(stage: Usd.Stage) -> None:
     stage.DefinePrim("/Hall/Bench", "Xform").GetReferences().AddReference("./props/bench.usda")
     lamp = stage.DefinePrim("/Hall/Lamp", "SphereLight")
     lamp.CreateAttribute("inputs:intensity", Sdf.ValueTypeNames.Float).Set(900.0)
+    for name, kind in (("Leg_1", "Cube"), ("Leg_2", "Sphere")):
+        stage.DefinePrim(f"/Hall/{name}", kind)
 
 
 @pytest.fixture
@@ -168,6 +173,10 @@ MISTAKES: dict[str, tuple[Change, tuple[str, str, str | None]]] = {
         lambda stage: stage.GetPrimAtPath("/Hall/Lamp").GetAttribute("inputs:intensity").Set(9.0),
         ("S36", "/Hall/Lamp", "inputs:intensity"),
     ),
+    "what is not to be there": (
+        lambda stage: stage.DefinePrim("/Hall/Junk_1", "Cube"),
+        ("S36", "/Hall/Junk_*", None),
+    ),
     "another default prim": (lambda stage: stage.ClearDefaultPrim(), ("S02", "/", "defaultPrim")),
 }
 
@@ -177,6 +186,11 @@ def test_each_mistake_is_found_once(folder: Path, mistake: str) -> None:
     change, expected = MISTAKES[mistake]
     told = [each for each in found(folder, "furnished", change) if each[0] != "F02"]
     assert told == [expected]
+
+
+def test_of_two_types_at_one_path_each_number_is_told(folder: Path) -> None:
+    told = found(folder, "furnished", lambda s: s.GetPrimAtPath("/Hall/Leg_2").SetTypeName("Cube"))
+    assert [each for each in told if each[0] == "S36"] == [("S36", "/Hall/Leg_*", None)] * 2
 
 
 def test_what_a_milestone_adds_is_built(folder: Path) -> None:

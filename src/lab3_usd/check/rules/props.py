@@ -49,7 +49,7 @@ def prop(subject: StageSubject) -> Iterator[Problem]:
     """
     props = subject.lab.props_at(subject.checkpoint)
     found = {name: [*_found(spec, subject)] for name, spec in props.items()}
-    told, surplus = dict[str, list[str]](), set[str]()
+    told, surplus = dict[tuple[str, str], list[str]](), set[str]()
     for name, spec in props.items():
         beyond = 0 if spec.count is None else len(found[name]) - spec.count
         if beyond > 0:  # those count as too many that are least like what is asked for
@@ -57,8 +57,8 @@ def prop(subject: StageSubject) -> Iterator[Problem]:
                 found[name], key=lambda prim: -len([*_wrong_parts("", spec, prim, subject)])
             )
             surplus |= {prim.path for prim in worst[:beyond]}
-        if beyond or not found[name]:
-            told.setdefault(spec.path, []).append(name)
+        if beyond or (spec.count is None and not found[name]):
+            told.setdefault((spec.path, spec.type), []).append(name)
     for names in told.values():
         yield _wrong_count(names, found[names[0]], props, subject)
     for name, spec in props.items():
@@ -79,12 +79,12 @@ def _found(spec: PropSpec, subject: StageSubject) -> Iterator[Prim]:
 def _wrong_count(
     names: list[str], found: list[Prim], props: Mapping[str, PropSpec], subject: StageSubject
 ) -> Problem:
-    """Say once of a path that too few or too many are there.
+    """Say once of a path and a type that too few or too many are there.
 
     Where what should hold them is missing, that is told alone.
     """
     spec = props[names[0]]
-    count = spec.count or 1
+    count = 1 if spec.count is None else spec.count
     kind = f" of type {spec.type}" if spec.type else ""
     start = spec.path.partition("*")[0]
     return Problem(
