@@ -45,6 +45,12 @@ def test_a_lower_castor_pitches_the_robot_and_all_three_carry_it() -> None:
     assert set(found.touching) == {"left", "right", "castor"}
 
 
+def test_a_disc_whose_axis_is_scaled_to_nothing_is_no_solid() -> None:
+    flat = Affine(((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
+    assert solid("wheel", "Cylinder", Sizes(axis="Y"), flat) is None
+    assert solid("wheel", "Cylinder", Sizes(axis="X"), flat) is not None
+
+
 def test_two_lower_castors_carry_it_alone() -> None:
     found = stand(ball("behind", -0.2, -0.073), ball("ahead", 0.2, -0.073))
     assert found.loads == pytest.approx({"behind": 0.575, "ahead": 0.425})

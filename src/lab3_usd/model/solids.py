@@ -166,7 +166,7 @@ def solid(
 ) -> Solid | None:
     """Return the shape of a prim that stands at `at`, its scale included; None for no solid.
 
-    `points` are those of a mesh in its own frame.
+    `points` are those of a mesh in its own frame. A disc whose axis is scaled to nothing is none.
     """
     if kind == "Cube":
         h = sizes.size / 2
@@ -182,6 +182,8 @@ def solid(
     way = _AXES.get(sizes.axis, _AXES["Z"])
     scale = {name: length(at.turn(axis)) for name, axis in _AXES.items()}
     name = sizes.axis if sizes.axis in _AXES else "Z"
+    if kind in DISCS and not scale[name]:
+        return None
     if kind == "Sphere":
         r = sizes.radius * max(scale.values())
         return Solid(path, kind, (at.origin,), (r,))
