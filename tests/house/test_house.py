@@ -39,6 +39,9 @@ GIVEN_UP = {
     r"\btrees apart\b": "disconnected trees",
     r"\bnothing is wired\b": "not connected",
     r"\bworks on zeros\b": "is not set",
+    r"\bExit status:": "Exit code:",
+    r"(?<!there) is no (rigid body|prim|node)\b": "is not a",
+    r"\bin vain\b": "never",
 }
 # The brackets keep this file from naming what it looks for.
 REGISTRY = [

@@ -100,7 +100,7 @@ def command(
     unless --submission is given. With --untrusted, PATHS are untrusted submissions: folders or
     archives.
 
-    Exit status: 0 no errors, 1 errors or not judged, 2 wrong usage or no such path, 3 the program
+    Exit code: 0 no errors, 1 errors or not judged, 2 wrong usage or no such path, 3 the program
     itself failed.
     """
     if asked.untrusted:

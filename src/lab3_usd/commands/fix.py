@@ -280,7 +280,7 @@ def command(
     repaired; with --lint, all stages. Without --diff, --output or --in-place the repairs are only
     listed.
 
-    Exit status: 0 nothing is left, 1 errors or repairs are left, or would be made, 2 wrong usage;
+    Exit code: 0 nothing is left, 1 errors or repairs are left, or would be made, 2 wrong usage;
     with --diff 1 if something would change.
     """
     config = configured(paths, configuration, rules, assets)

@@ -80,7 +80,7 @@ def command(
     together. --fix lists the repairs of findings that have only one; --output FILE, or --in-place,
     which keeps NAME.orig, writes the repaired stage.
 
-    Exit status: 0 no errors, 1 errors or not judged, 2 wrong usage or no such path, 3 the program
+    Exit code: 0 no errors, 1 errors or not judged, 2 wrong usage or no such path, 3 the program
     itself failed.
     """
     config = configured(paths, configuration, rules, assets)

@@ -373,7 +373,7 @@ def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
     """
     stage = scene.stage
     inputs = {} if node.type is None else node.type.ports
-    # A node that waits for a signal in vain leaves the arrays that it feeds empty.
+    # A node that waits for a signal that never comes leaves the arrays that it feeds empty.
     makers = {
         port.name: [
             (source, out)

@@ -30,7 +30,7 @@ NameFilter = str | Callable[[str], bool]  # a name, or what tells whether a name
 
 
 class Prim(Struct, eq=False):
-    """A prim that is no node.
+    """A prim that is not a node.
 
     `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
     `attributes` holds the values that rules ask about, `relationships` their targets. `local`

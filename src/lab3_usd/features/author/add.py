@@ -99,7 +99,7 @@ def command(
     Robot, wheels, sizes, frames and names come from the stage; each line says what from, and which
     option changes it. The result is only shown unless --in-place, --output or --layer writes it.
 
-    Exit status: 0 done, shown, or nothing to add; 1 the result would have new findings, with
+    Exit code: 0 done, shown, or nothing to add; 1 the result would have new findings, with
     --check-drive does not drive as it should, or with --diff is a change; 2 refused.
     """
     from lab3_usd.author.adding import AddOptions

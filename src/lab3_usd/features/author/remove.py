@@ -59,7 +59,7 @@ def command(
     Further options of lab3 add are taken and make no difference, so that the words that added a
     graph remove it.
 
-    Exit status: 0 done or shown, 1 the result would have new errors, or with --diff a change, 2
+    Exit code: 0 done or shown, 1 the result would have new errors, or with --diff a change, 2
     refused.
     """
     from lab3_usd.author.removing import remove_graph

@@ -6,7 +6,7 @@ FEATURE = Feature(
     commands={
         "bag": Command(
             "any stage of Isaac Sim",
-            "Judge a recording of the running system.",
+            "Check a recording of the running system.",
             (
                 "lab3 bag run",
                 "lab3 bag run --stage STAGE.usda",

@@ -40,13 +40,13 @@ def command(
     form: str,
     page: Path | None,
 ) -> None:
-    """Judge a recording of the running system by the checks of `lab3 sim`.
+    """Check a recording of the running system by the checks of `lab3 sim`.
 
     RECORDING is the output of `ros2 bag record -a`, MCAP or sqlite3, or one file of it. The
     checkpoint in its name, or in that of the stage, decides what is required; localization and
     navigation are required only if they were recorded, or if --checkpoint is given. Without a
     checkpoint any robots are judged by what was recorded, and nothing of a lab is asked. Exit
-    status: 0 all right, 1 a fault or not judged, 2 unreadable or wrong usage, 3 the program itself
+    code: 0 all right, 1 a fault or not judged, 2 unreadable or wrong usage, 3 the program itself
     failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.

@@ -58,7 +58,7 @@ def command(
 
     The composed scenes are compared, as Isaac Sim opens them: order of properties, layout of the
     text, comments, explicit defaults and positions in the graph editor make no difference. Exit
-    status: 0 equal, 1 different, 2 unreadable or wrong usage, 3 the program itself failed.
+    code: 0 equal, 1 different, 2 unreadable or wrong usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.diff import compare_stages

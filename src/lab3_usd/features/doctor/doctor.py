@@ -55,7 +55,7 @@ def command() -> None:
 
     For a missing extra, the command is printed that adds it to this installation.
 
-    Exit status: 0 all that is needed works (extras may be missing), 1 something does not.
+    Exit code: 0 all that is needed works (extras may be missing), 1 something does not.
     """
     system = f"Python {platform.python_version()}, {platform.platform()}"
     click.echo(f"{program()} {tool_version()}, {system}")

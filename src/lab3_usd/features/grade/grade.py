@@ -182,7 +182,7 @@ def command(
     a report folder for each student. With --format gradescope, SUBMISSIONS is one submission, and
     the result for a Gradescope autograder is written.
 
-    Exit status: 0 every submission has a grade or a status, 2 wrong usage or rubric, 3 the program
+    Exit code: 0 every submission has a grade or a status, 2 wrong usage or rubric, 3 the program
     itself failed, 130 Ctrl-C or 143 SIGTERM: continue with --resume.
 
     With --explain, --regrade or --gradebook alone, an existing gradebook is read.

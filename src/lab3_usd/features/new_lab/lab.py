@@ -167,7 +167,7 @@ def check(folder: Path | None, stages: tuple[Path, ...]) -> None:
     DIR is a folder in the form of graphs/, by default that of --lab, else the bundled one. Each
     finding names file, key, and the place that it contradicts.
 
-    Exit status: 0 nothing found, 1 findings, 2 a file that cannot be read.
+    Exit code: 0 nothing found, 1 findings, 2 a file that cannot be read.
     """
     if folder is not None and not folder.is_dir():
         raise UsageError(f"{folder}: there is no such folder")
@@ -200,7 +200,7 @@ def new(folder: Path, stages: tuple[Path, ...], more: tuple[Path, ...]) -> None:
     one before. For a single STAGE, named after the last checkpoint, each graph is one. The lab is
     then checked, and each STAGE checked and played by it.
 
-    Exit status: 0 all of it passes, 1 something does not, 2 a stage or the folder cannot be used.
+    Exit code: 0 all of it passes, 1 something does not, 2 a stage or the folder cannot be used.
     """
     chosen = list(chosen_stages([*more, *stages]))
     if not chosen:

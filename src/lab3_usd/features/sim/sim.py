@@ -56,7 +56,7 @@ def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> N
     decides what is required. A stage without one is judged by its own content: each robot is driven
     by its own commands.
 
-    Exit status: 0 all right, or nothing to run yet, 1 a fault or not judged, 2 unreadable or wrong
+    Exit code: 0 all right, or nothing to run yet, 1 a fault or not judged, 2 unreadable or wrong
     usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.

@@ -290,7 +290,7 @@ def _assets_of(layer: Path) -> Iterable[str]:
     """Return what a layer leads to; a package leads to nothing but its own layers.
 
     Raises:
-        StageError: a binary layer names a child that is no prim, at which usd-core would end.
+        StageError: a binary layer names a child that is not a prim, at which usd-core would end.
     """
     with layer.open("rb") as file:
         start = file.read(len(CRATE))

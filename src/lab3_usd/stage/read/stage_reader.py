@@ -291,7 +291,7 @@ class _Scan:
         if is_traversed and (not written or self._platform.names.is_old(written)):
             self.old_types.append(OldType(path, written, is_in_asset(prim)))
         if not type_name and not ports:
-            return  # a leftover, which is no node
+            return  # a leftover, which is not a node
         namespaces = self._namespaces_above(prim, path)
         if own:
             namespaces = self._namespaces[path] = (*namespaces, own)
