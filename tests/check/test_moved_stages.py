@@ -313,7 +313,7 @@ def test_from_goes_with_the_linter(tmp_path: Path) -> None:
     path = tmp_path / "rover.usda"
     broken_robot("rover", []).GetRootLayer().Export(str(path))
     with pytest.raises(UsageError):
-        lab3("fix", path, "--from", "5.1")
+        lab3("fix", path, "--checkpoint", "01", "--from", "5.1")
 
 
 @pytest.mark.parametrize("command", [("topics",), ("tf",), ("sim", "--drive", "0,0,0.2")])
