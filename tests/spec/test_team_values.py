@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import shutil
 from pathlib import Path
 
@@ -12,6 +11,11 @@ from mini_lab import copied
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UnknownTeamError, UsageError
+from lab3_usd.grade.intake.staging import Source
+from lab3_usd.grade.intake.submission_copy import Limits
+from lab3_usd.grade.workers.submission_grading import grade_submission
+from lab3_usd.grade.workers.worker_main import load_setup
+from lab3_usd.grade.workers.worker_messages import PoolSettings, Task
 from lab3_usd.spec.contradictions.domains import team_faults
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
@@ -132,21 +136,24 @@ def test_a_team_is_letters_and_digits() -> None:
         invoke("--team", "7/8", "rules")
 
 
-def test_a_gradebook_takes_the_team_of_each_submission(
-    folder: Path, last: Path, tmp_path: Path
-) -> None:
-    for student, name in (("ann", last.name), ("bob", last.name.replace("T7", "T8"))):
-        work = tmp_path / "class" / student / "work"
-        work.mkdir(parents=True)
-        shutil.copyfile(last, work / name)
-    starter = tmp_path / "starter.usda"
-    assert invoke("--lab", folder, "starter", "-o", starter).exit_code == 0
-    book = tmp_path / "book"
-    call = ("grade", tmp_path / "class", "--starter", starter, "--output", book, "--jobs", "1")
-    assert invoke("--lab", folder, *call).exit_code == 0
-    rows = list(csv.DictReader((book / "grades.csv").read_text().splitlines()))
-    assert [(row["student"], row["team"]) for row in rows] == [("ann", "7"), ("bob", "8")]
-    assert [float(row["nav2"]) for row in rows] == [5.0, 4.3]
+@pytest.mark.parametrize(
+    ("team", "status", "earned"),
+    [("7", "graded", 5.0), ("8", "graded", 4.3), ("red", "unreadable", 0)],
+)
+def test_a_submission_is_graded_by_the_team_of_its_names(
+    folder: Path, last: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    team: str, status: str, earned: float,
+) -> None:  # fmt: skip
+    monkeypatch.setenv(LAB_VARIABLE, str(folder))
+    work, scratch = tmp_path / "ann" / "work", tmp_path / "scratch"
+    work.mkdir(parents=True)
+    scratch.mkdir()
+    shutil.copyfile(last, work / last.name.replace("T7", f"T{team}"))
+    setup = load_setup(PoolSettings(None, None, Limits()))
+    task = Task("ann", "ann", (Source(work.parent),))
+    graded = grade_submission(setup, task, scratch, lambda _name: None)
+    assert (graded["status"], graded["earned"]) == (status, earned)
+    assert graded.get("team", "") == (team if status == "graded" else "")
 
 
 def test_values_that_only_the_option_can_give_are_said(folder: Path, tmp_path: Path) -> None:
