@@ -85,12 +85,13 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
     """
     known = machines(subject.stage)
     for robot in subject.lab.scene.robots if known is not None else ():
-        links = map(robot.path_of, robot.wheels.joints.values())
-        members = (known.member.get(link) for link in links) if known is not None else ()
+        rolling = map(robot.path_of, robot.wheels.joints.values())
+        members = (known.member.get(link) for link in rolling) if known is not None else ()
         machine = next(filter(None, members), None)
         turned = [
             f"{robot.path}/{robot.wheels.joints_below}/{name}" for name in robot.wheels.joints
         ]
+        parts = (robot.path, *map(robot.path_of, robot.links), *turned)
         for problem in _carried(machine, subject.stage) if machine is not None else ():
             body = known.body_of(problem.prim) if known is not None else ""
             yield replace(
@@ -99,7 +100,7 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
                 related=(*problem.related, robot.path),
                 fix=(Restore(problem.prim), Restore(body)) if body != problem.prim else (),
                 unmet=(at_rest(robot),),
-                assumes=(*problem.assumes, *((path, None) for path in (robot.path, *turned))),
+                assumes=(*problem.assumes, *((part, None) for part in parts)),
             )
 
 
