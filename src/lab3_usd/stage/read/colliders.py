@@ -5,7 +5,6 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator
 from functools import cache
-from itertools import product
 from typing import Any
 
 from pxr import Gf, Usd, Vt
@@ -54,6 +53,7 @@ class StageColliders(Colliders):
         self._boxes: dict[str, _Box | None] = {}  # None without a shape, its own or below
         self._shapes: dict[str, _Box | None] = {}  # of prims by themselves
         self._colliders: dict[str, Collider | None] = {}  # of collision prims, in metres
+        self._bounds: dict[str, Collider | None] = {}  # by their extents, of those not measured
         self._metres = stage_number(reader.stage.GetMetadata("metersPerUnit"), CENTIMETRES)
 
     def below(self, top: str) -> list[Collider]:
@@ -73,12 +73,16 @@ class StageColliders(Colliders):
 
         So the points of a mesh that is far from a robot are not read.
         """
-        for path in self._paths():
+        return filter(None, map(self._bounds_of, self._paths()))
+
+    def _bounds_of(self, path: str) -> Collider | None:
+        if path in self._colliders:
+            return self._colliders[path]
+        if path not in self._bounds:
             with stage_errors(self._reader.name):
-                box = None if path in self._boxes else self._by_extent(path)
-            collider = self.measured(path) if box is None else self._in_metres(path, box)
-            if collider is not None:
-                yield collider
+                box = self._by_extent(path)
+            self._bounds[path] = self.measured(path) if box is None else self._in_metres(path, box)
+        return self._bounds[path]
 
     def shape(self, path: str) -> Collider | None:
         """Return the box around a prim's own shape, whether it collides or not."""
@@ -121,10 +125,17 @@ class StageColliders(Colliders):
         extent = authored_data(prim, "extent") if is_mesh else None
         if not isinstance(extent, Vt.Vec3fArray) or len(extent) != _ENDS:
             return None
-        matrix = Gf.Matrix4d(*self._reader.transforms.of(prim, path)[1])
-        corners = product(*zip(*memoryview(extent).tolist(), strict=True))
-        moved: Any = [elements(matrix.Transform(Gf.Vec3d(*corner))) for corner in corners]
-        return _bounds(moved)
+        world = self._reader.transforms.of(prim, path)[1]
+        ends: Any = memoryview(extent).tolist()
+        middle, half = (
+            [(v + sign * u) / 2 for u, v in zip(*ends, strict=True)] for sign in (1, -1)
+        )
+        at, to = [0.0] * 3, [0.0] * 3
+        for k in range(3):
+            centre = world[12 + k] + sum(middle[row] * world[4 * row + k] for row in range(3))
+            reach = sum(abs(half[row] * world[4 * row + k]) for row in range(3))
+            at[k], to[k] = centre - reach, centre + reach
+        return (at[0], at[1], at[2]), (to[0], to[1], to[2])
 
     def _is_defined(self, path: str) -> bool:
         """Whether a prim is surely in the scene, and not only if a missing asset defines it."""
