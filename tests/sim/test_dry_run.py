@@ -13,10 +13,12 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from scene_changes import ROBOT, put
 from second_author import Style
 
-from lab3_usd.sim.execution.recording import Odometry
+from lab3_usd.sim.execution.drive import Session
+from lab3_usd.sim.execution.recording import Odometry, Recording
 from lab3_usd.sim.judge.checks import CHECKS, judge
-from lab3_usd.sim.judge.expectations import Trial
+from lab3_usd.sim.judge.expectations import Expected, Trial
 from lab3_usd.sim.judge.topics import expected_at
+from lab3_usd.sim.outcome import Judged, behaviour_of
 from lab3_usd.stage.write.builder import build_checkpoint
 
 DRIVING = expected_at(the_lab(), the_lab().checkpoints["02"])  # of a stage that only drives
@@ -34,6 +36,19 @@ def test_the_built_stage_behaves(right: Trial) -> None:
     assert [verdict for verdict in verdicts if verdict.verdict != "ok"] == []
     assert [verdict.name for verdict in verdicts] == list(CHECKS)
     assert right.recording.not_simulated == {}
+
+
+def test_each_remark_says_of_which_robot_it_is() -> None:
+    told = {"robot": "a wall stops the robot", "/Second": "/Second2/wall stops the robot"}
+    judged = [
+        Judged(name, Trial(Recording(remarks=[text]), (Session(()),), Expected()), ())
+        for name, text in {**told, "/Third": "/Third: its wheels stand"}.items()
+    ]
+    assert behaviour_of(judged).remarks == (
+        "robot: a wall stops the robot",
+        "/Second: /Second2/wall stops the robot",
+        "/Third: its wheels stand",
+    )
 
 
 def test_it_goes_as_far_as_its_wheels_say(right: Trial) -> None:
