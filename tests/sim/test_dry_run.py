@@ -13,7 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from scene_changes import ROBOT, put
 from second_author import Style
 
-from lab3_usd.sim.execution.drive import Session
+from lab3_usd.sim.execution.drive import Session, drive_of
 from lab3_usd.sim.execution.recording import Odometry, Recording
 from lab3_usd.sim.judge.checks import CHECKS, judge
 from lab3_usd.sim.judge.expectations import Expected, Trial
@@ -280,6 +280,17 @@ def test_a_robot_with_acceleration_limits_gets_going_and_stops_as_these_let_it(
     limit: float,
 ) -> None:
     assert faults(driven(ramped(limit), wanted=DRIVING)) == []
+
+
+def test_acceleration_limits_hide_no_turn_to_the_wrong_side_right_after_a_way() -> None:
+    stage = ramped(0.5)
+    array = stage.GetPrimAtPath(f"{ROBOT}/ROS_Drive/make_array")
+    first, second = (array.GetAttribute(f"inputs:input{number}") for number in (0, 1))
+    sources = first.GetConnections(), second.GetConnections()
+    first.SetConnections(sources[1])
+    second.SetConnections(sources[0])
+    found = driven(stage, drive_of("0.1,0,1 0,0.8,2", DRIVING.limits), DRIVING)
+    assert "follows" in {each.name for each in faults(found) if each.verdict == "bad"}
 
 
 def test_acceleration_limits_hide_no_wrong_size() -> None:

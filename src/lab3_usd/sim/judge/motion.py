@@ -25,19 +25,26 @@ from lab3_usd.sim.judge.expectations import (
 def leg_fault(trial: Trial, stretch: Stretch) -> RunFault | None:
     """Return what is wrong with how the robot drives one leg; None where nothing is asked of it.
 
-    What acceleration limits let it do is known from rest alone.
+    How far acceleration limits let it go is known from rest alone.
     """
     check = _LEG_CHECKS.get(stretch.leg.name)
-    is_known = not (trial.has_ramps and check in _FROM_REST and _starts_moving(trial, stretch))
-    return check(trial, stretch) if check is not None and is_known else None
+    is_open = trial.has_ramps and check in _FROM_REST and _comes_nearer(trial, stretch)
+    return None if check is None or is_open else check(trial, stretch)
 
 
-def _starts_moving(trial: Trial, stretch: Stretch) -> bool:
-    """Whether the robot still moves as an earlier leg told it when a leg begins."""
-    earlier = takewhile(lambda pose: pose is not stretch.before, trial.recording.path)
-    *_, previous = (stretch.before, *earlier)
-    ahead, left, turned = (step * RATE for step in displacement(previous, stretch.before))
-    return math.hypot(ahead, left) > SPEED or abs(turned) > SPEED
+def _comes_nearer(trial: Trial, stretch: Stretch) -> bool:
+    """Whether a robot that moves when a leg begins ends no farther from the commanded speed."""
+    leg, before, poses = stretch
+    earlier = takewhile(lambda pose: pose is not before, trial.recording.path)
+    pairs = ((before, *earlier)[-1], before), (before, *poses)[-2:]
+    start, end = ([step * RATE for step in displacement(*pair)] for pair in pairs)
+    if math.hypot(*start[:2]) <= SPEED and abs(start[2]) <= SPEED:
+        return False
+    told = (leg.forward, 0.0, leg.turn)
+    return all(
+        abs(last - trial.factor * wanted) <= abs(first - trial.factor * wanted) + SPEED
+        for first, last, wanted in zip(start, end, told, strict=True)
+    )
 
 
 def _faults(trial: Trial, *names: str) -> Iterator[RunFault]:
