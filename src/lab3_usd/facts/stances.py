@@ -18,6 +18,7 @@ from lab3_usd.model.physics import (
     REVOLUTE,
     STIFFNESS,
     UNSET,
+    WEIGHTLESS,
     joints,
     number,
     vector,
@@ -70,11 +71,13 @@ def driven_machines(stage: StageModel) -> Iterator[tuple[Node, Machine]]:
 
 
 def are_weighed(bodies: Iterable[str], stage: StageModel) -> bool:
-    """Whether each body says by a mass, a centre of mass or a collider where its weight is."""
+    """Whether each body has weight, and says by a mass, its centre or a collider where that is."""
     known = joined_bodies(stage)
     shaped = {known.carrier(bounds.path) for bounds in stage.colliders.bounds()}
+    values = {body: stage.prims[body].attributes for body in bodies}
     return all(
-        body in shaped or {MASS, CENTRE} & {*stage.prims[body].attributes} for body in bodies
+        own.get(WEIGHTLESS) is not True and (body in shaped or {MASS, CENTRE} & {*own})
+        for body, own in values.items()
     )
 
 

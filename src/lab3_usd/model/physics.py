@@ -29,6 +29,7 @@ EARTH = -1e9  # and below: the schema's own value, as a dry run reads it
 _LEAST, _MOST = 1.0, 30.0  # metres per second squared: less than the moon's, more than Jupiter's
 PLANE = "Plane"
 MASS = "physics:mass"
+WEIGHTLESS = "physxRigidBody:disableGravity"
 CENTRE = "physics:centerOfMass"
 UNSET = 1e8  # an infinite value means that the schema's own counts
 BODY_ENABLED = "physics:rigidBodyEnabled"

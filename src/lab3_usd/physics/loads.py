@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from lab3_usd.model.dry_run import Affine, Scene
-from lab3_usd.model.physics import EARTH, GRAVITY, SCENE, number, slant
+from lab3_usd.model.physics import EARTH, GRAVITY, SCENE, WEIGHTLESS, number, slant
 from lab3_usd.model.traction import GRAVITY as EARTHS
 from lab3_usd.model.transforms import Vector, cross, dot, minus
 from lab3_usd.physics.bodies import Bodies
@@ -18,7 +18,6 @@ FAR = {HINGE: 0.3, SLIDER: 0.05}  # radians and metres to which joints are taken
 HELD = {HINGE: 0.05, SLIDER: 0.01}  # by which the weight may pull one off its place
 SPARE = 0.5  # part of its force that a drive may need to hold the weight: it also moves it
 SURELY = 2.0  # times that, from which on it is a fault
-_WEIGHTLESS = "physxRigidBody:disableGravity"
 
 
 class Burden(NamedTuple):
@@ -84,7 +83,7 @@ def _load(
         arm = minus(at, frame.origin)
         turning = cross(axis, arm)
         inertia += mass * (dot(turning, turning) if joint.kind == HINGE else 1.0)
-        if scene.prims[body].values.get(_WEIGHTLESS) is not True:
+        if scene.prims[body].values.get(WEIGHTLESS) is not True:
             torque += mass * dot(pull, turning if joint.kind == HINGE else axis)
     return torque, inertia
 

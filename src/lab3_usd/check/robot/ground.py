@@ -20,6 +20,7 @@ from lab3_usd.model.physics import (
     PLANE,
     SCENE,
     TILT,
+    WEIGHTLESS,
     bodies,
     collides,
     down,
@@ -45,7 +46,7 @@ from lab3_usd.model.transforms import (
 from lab3_usd.spec.scene import NO_ROBOT
 
 _EARTH = 9.81  # metres per second squared
-_OWNER, _DISABLED = "physics:simulationOwner", "physxRigidBody:disableGravity"
+_OWNER = "physics:simulationOwner"
 
 
 def gravity_faults(subject: RobotSubject) -> Iterator[Problem]:
@@ -56,10 +57,10 @@ def gravity_faults(subject: RobotSubject) -> Iterator[Problem]:
         for body in stage.with_api(BODY_API)
         if body.present and is_at_or_below(body.path, robot)
     ]
-    if links and all(link.attributes.get(_DISABLED) is True for link in links):
+    if links and all(link.attributes.get(WEIGHTLESS) is True for link in links):
         message = "gravity is switched off for all links of the robot"
-        site, switches = links[0].path, tuple(f"{link.path}.{_DISABLED}" for link in links[1:])
-        yield Problem(site, message, _DISABLED, "False", "True", related=switches)
+        site, switches = links[0].path, tuple(f"{link.path}.{WEIGHTLESS}" for link in links[1:])
+        yield Problem(site, message, WEIGHTLESS, "False", "True", related=switches)
     # A body that names no scene belongs to the first (UsdPhysics).
     scenes = [prim for prim in stage.of_type(SCENE) if prim.present]
     owners = {owner for link in links for owner in link.relationships.get(_OWNER, ("",))}
