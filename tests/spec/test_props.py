@@ -11,6 +11,7 @@ from pxr import Sdf, Usd
 
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.scene import PropSpec
 
 HALL = """#usda 1.0
 (
@@ -222,3 +223,9 @@ def test_a_reference_that_cannot_be_found_is_an_error_where_the_course_says_so(
 
     told = [each for each in found(folder, "furnished", refers) if each[0] == "S36"]
     assert told == [("S36", RACK, None)]
+
+
+def test_nothing_is_built_where_there_are_more_things_than_asked_for() -> None:
+    prop = PropSpec("/Hall/Bench_*", handout="", count=3)
+    there = ("/Hall/Bench_a", "/Hall/Bench_b", "/Hall/Bench_c", "/Hall/Bench_d")
+    assert prop.places(there) == there

@@ -400,7 +400,8 @@ class PropSpec(
         numbers = range(1, 1 + (self.count or (0 if found else 1)))
         made = (self.path.replace("*", str(number)) for number in numbers)
         free = [path for path in dict.fromkeys(made) if path not in found]
-        return (*found, *free[: len(free) if self.count is None else self.count - len(found)])
+        lacking = len(free) if self.count is None else max(0, self.count - len(found))
+        return (*found, *free[:lacking])
 
     @property
     def plain_values(self) -> dict[str, Any]:
