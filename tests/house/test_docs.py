@@ -415,6 +415,12 @@ def test_the_table_of_changes_is_up_to_date() -> None:
     assert made == page, "python docs/make_release_changes.py"
 
 
+def test_the_table_of_node_types_that_are_played_is_up_to_date() -> None:
+    page = (DOCS / "sim.md").read_text(encoding="utf-8")
+    made = runpy.run_path(str(DOCS / "make_played_nodes.py"))["page"](page)
+    assert made == page, "python docs/make_played_nodes.py"
+
+
 def test_every_family_of_rules_is_introduced() -> None:
     script = runpy.run_path(str(DOCS / "make_rules.py"))
     assert set(script["FAMILY_TITLES"]) == set(script["FAMILIES"].values())
