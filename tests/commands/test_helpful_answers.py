@@ -84,6 +84,13 @@ def test_an_original_is_compared_with_what_was_repaired(carter: Path) -> None:
     assert sorted(carter.parent.iterdir()) == files
 
 
+def test_an_original_is_never_to_take_the_name_of_what_was_repaired(carter: Path) -> None:
+    lab3("fix", "--lint", carter, "--in-place")
+    said = answer("tf", carter.with_name("carter.usda.orig"))
+    assert "copy the file to carter_before.usda; carter.usda is there" in said
+    assert "rename" not in said
+
+
 def test_another_file_of_no_usd_ending_is_not_compared(carter: Path) -> None:
     copy = carter.rename(carter.with_name("carter.txt"))
     assert "rename the file to carter.usda" in answer("diff", copy, CARTER)

@@ -138,6 +138,10 @@ def two(subject): ...
 """
 
 
+NAMESAKE = TAKEN_TWICE.replace("'x'", "'incompatible-qos'")
+NO_SEVERITY = TAKEN_TWICE.replace("'x'", "'x', 'wrning'")
+
+
 @pytest.mark.parametrize(
     ("text", "said"),
     [
@@ -151,6 +155,8 @@ def two(subject): ...
             "from lab3_usd.own_rules import own_rule\nown_rule('UV01', 'x')(lambda subject: ())\n",
             "its letters are those of a family",
         ),
+        (NAMESAKE, "ACME01: its name incompatible-qos is that of K43"),
+        (NO_SEVERITY, "ACME01: 'wrning' is none of error, warning, note"),
         (
             TAKEN_TWICE,
             r"ACME01 is taken by x at .*acme_rules.py:3; ACME02 is free",

@@ -509,6 +509,13 @@ def test_missing_assets_silence_only_what_depends_on_them(tmp_path: Path) -> Non
     assert bad(played(stage, tmp_path)) == {"follows"}
 
 
+def test_each_layer_that_is_missing_is_named(tmp_path: Path) -> None:
+    path = tmp_path / "scene.usda"
+    path.write_text('#usda 1.0\n(subLayers = [@./robot.usda@, @./hall.usda@])\ndef Xform "A" {}\n')
+    shown = " ".join(invoke("sim", path).output.split())
+    assert "./hall.usda, ./robot.usda cannot be found" in shown
+
+
 def test_a_robot_of_an_asset_that_is_missing_is_not_judged(tmp_path: Path) -> None:
     stage = warehouse()
     for name in stage.GetPrimAtPath(ROBOT).GetChildrenNames():

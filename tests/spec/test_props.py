@@ -9,6 +9,7 @@ import pytest
 from invoking import invoke
 from pxr import Sdf, Usd
 
+from lab3_usd.errors import SpecError
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.scene import PropSpec
@@ -44,7 +45,7 @@ props:
     handout: B1
     apis: [PhysicsCollisionAPI, MaterialBindingAPI]
     targets: {"material:binding": [/Hall/Looks/Steel]}
-    set: {"semantics:labels:class": {type: "token[]", value: [rack]}}
+    set: {"semantics:labels:class": {type: "token[]", value: [rack, shelf]}}
     from: furnished
   bench: {path: /Hall/Bench, handout: B1, asset: props/bench.usda, resolved: true, from: furnished}
   lamp:
@@ -67,7 +68,9 @@ def furnished(stage: Usd.Stage) -> None:
         rack.AddAppliedSchema("PhysicsCollisionAPI")
         rack.AddAppliedSchema("MaterialBindingAPI")
         rack.CreateRelationship("material:binding").SetTargets([Sdf.Path("/Hall/Looks/Steel")])
-        rack.CreateAttribute("semantics:labels:class", Sdf.ValueTypeNames.TokenArray).Set(["rack"])
+        rack.CreateAttribute("semantics:labels:class", Sdf.ValueTypeNames.TokenArray).Set(
+            ["shelf", "rack"]
+        )
     stage.DefinePrim("/Hall/Bench", "Xform").GetReferences().AddReference("./props/bench.usda")
     lamp = stage.DefinePrim("/Hall/Lamp", "SphereLight")
     lamp.CreateAttribute("inputs:intensity", Sdf.ValueTypeNames.Float).Set(900.0)
@@ -202,7 +205,7 @@ def test_what_a_milestone_adds_is_built(folder: Path) -> None:
     assert stage.GetPrimAtPath("/Hall/Lamp").GetAttribute("inputs:intensity").Get() == 900.0
     for number in (1, 2):
         rack = stage.GetPrimAtPath(f"/Hall/Rack_{number}")
-        assert rack.GetAttribute(LABELS).Get() == ["rack"]
+        assert rack.GetAttribute(LABELS).Get() == ["rack", "shelf"]
     assert "@props/bench.usda@" in (out / "hall_furnished.usda").read_text()
 
 
@@ -223,6 +226,34 @@ def test_a_reference_that_cannot_be_found_is_an_error_where_the_course_says_so(
 
     told = [each for each in found(folder, "furnished", refers) if each[0] == "S36"]
     assert told == [("S36", RACK, None)]
+
+
+@pytest.mark.parametrize("path", ["Hall/Bench", "/", "/Hall//Bench", "/Hall/"])
+def test_a_path_that_no_prim_can_have_is_refused(folder: Path, path: str) -> None:
+    scene = folder / "lab" / "scene.yaml"
+    scene.write_text(scene.read_text().replace("/Hall/Bench,", f"{path},"))
+    with pytest.raises(SpecError, match="is not the absolute path of a prim"):
+        load_lab(folder / "lab")
+
+
+def test_several_things_have_a_path_with_a_star(folder: Path) -> None:
+    scene = folder / "lab" / "scene.yaml"
+    scene.write_text(
+        scene.read_text().replace("path: /Hall/Bench,", "path: /Hall/Bench, count: 2,")
+    )
+    with pytest.raises(SpecError, match="2 things have one path"):
+        load_lab(folder / "lab")
+
+
+def test_a_milestone_that_is_not_there_is_named_where_a_thing_comes_from_it(folder: Path) -> None:
+    scene = folder / "lab" / "scene.yaml"
+    scene.write_text(scene.read_text().replace("from: furnished", "from: furnshed", 1))
+    with pytest.raises(SpecError, match="props: racks: from: there is no checkpoint 'furnshed'"):
+        load_lab(folder / "lab")
+
+
+def test_nothing_is_built_under_a_name_that_no_prim_can_have() -> None:
+    assert PropSpec("/Hall/Rack_*/*", handout="", count=2).places(()) == ()
 
 
 def test_nothing_is_built_where_there_are_more_things_than_asked_for() -> None:

@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
 
-from lab3_usd.check.registry import FAMILIES, Check, Rule, added_by, rule
+from lab3_usd.check.registry import FAMILIES, Check, Rule, added_by, all_rules, rule
 from lab3_usd.check.registry import own_rules as registered
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Severity
@@ -29,12 +29,14 @@ def own_rule(rule_id: str, name: str, severity: Severity = "error") -> Callable[
     `Example:`. `rule_id` is at least two letters, which no rules of this package have, and digits.
 
     Raises:
-        ValueError: the id is of another form, or taken.
+        ValueError: the id is of another form, or taken, as the name may be; or there is no such
+            severity.
     """
     if not re.fullmatch(_ID, rule_id):
         raise ValueError(f"{rule_id} is not an id of a rule: letters, then digits, as in ACME01")
     if rule_id.rstrip("0123456789") in FAMILIES:
         raise ValueError(f"{rule_id}: its letters are those of a family of this program")
+    all_rules()  # whose names are taken
     return rule(rule_id, name, "own", severity)
 
 

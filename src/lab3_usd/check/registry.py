@@ -7,13 +7,13 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
-from typing import TYPE_CHECKING, Literal, TypeVar
+from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 
 from msgspec import Struct
 
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError, guess
-from lab3_usd.model.finding import Place, Problem, Severity, family_of
+from lab3_usd.model.finding import SEVERITIES, Place, Problem, Severity, family_of
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Checkpoint, Lab
@@ -244,6 +244,7 @@ def _docstring(check: Callable[..., Iterator[Problem]]) -> str:
 
 
 _RULES: dict[str, Rule] = {}
+_IDS: dict[str, str] = {}  # by the name of a rule
 _OF_LINT: set[Callable[..., Iterator[Problem]]] = set()
 
 
@@ -268,10 +269,19 @@ def rule(  # noqa: PLR0913 - decorators name them
     What is true of any stage is written once and registered twice, for `lint` and for a scope of
     labs: each keeps its id, its name and its severity, and the manual is that of both. Where a lab
     asks for something at the site of a problem, `check.demands` adds it.
+
+    Raises:
+        ValueError: the id or the name is taken, or there is no such severity or scope.
     """
+    for value, known in ((severity, SEVERITIES), (scope, get_args(Scope))):
+        if value not in known:
+            raise ValueError(f"rule {rule_id}: '{value}' is none of {', '.join(known)}")
 
     def register(check: Check) -> Check:
         other = _RULES.get(rule_id)
+        namesake = _IDS.setdefault(name, rule_id)
+        if namesake != rule_id and namesake in _RULES:
+            raise ValueError(f"rule {rule_id}: its name {name} is that of {namesake}")
         if other is not None and _origin(other.check) != _origin(check):
             raise ValueError(
                 f"rule {rule_id} is taken by {other.name} at {_place(other.check)}; "

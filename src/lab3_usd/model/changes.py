@@ -107,7 +107,8 @@ class AddNode(Struct, frozen=True, omit_defaults=True, tag="add-node", tag_field
     def of(cls, prim: str, node: Node, kind: str = "") -> AddNode:
         """Return the edit that adds a planned node."""
         values, targets = tuple(node.values.items()), tuple(node.targets.items())
-        return cls(prim, node.type.type, values, targets, node.added, node.place, kind)
+        # Python 3.10 has several empty tuples, of which msgspec leaves out the default alone.
+        return cls(prim, node.type.type, values, targets, node.added or (), node.place, kind)
 
 
 class AddGraph(Struct, frozen=True, omit_defaults=True, tag="add-graph", tag_field="edit"):

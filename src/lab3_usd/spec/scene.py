@@ -384,6 +384,14 @@ class PropSpec(
     resolved: bool = False
     since: str = ""
 
+    def __post_init__(self) -> None:
+        """Refuse a path that no prim can have, and a number of things that one path cannot."""
+        start, *names = self.path.split("/")
+        if start or not names or not all(names):
+            raise ValueError(f"path: {self.path!r} is not the absolute path of a prim")
+        if (self.count or 0) > 1 and "*" not in self.path:
+            raise ValueError(f"count: {self.count} things have one path, {self.path}, without a *")
+
     def refers(self, assets: Iterable[str]) -> bool:
         """Whether one of these is the asset."""
         asked = self.asset.removeprefix("./")
@@ -399,7 +407,10 @@ class PropSpec(
         found = [path for path in there if self.stands_at(path)]
         numbers = range(1, 1 + (self.count or (0 if found else 1)))
         made = (self.path.replace("*", str(number)) for number in numbers)
-        free = [path for path in dict.fromkeys(made) if path not in found]
+        can_be = [
+            path for path in dict.fromkeys(made) if all(map(str.isidentifier, path.split("/")[1:]))
+        ]
+        free = [path for path in can_be if path not in found]
         lacking = len(free) if self.count is None else max(0, self.count - len(found))
         return (*found, *free[:lacking])
 

@@ -6,6 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ApplySchema, Edit, Restore
 from lab3_usd.model.finding import Problem, display, format_paths
 from lab3_usd.model.prims import Prim, upwards
@@ -143,7 +144,11 @@ def _wrong_parts(name: str, spec: PropSpec, prim: Prim, subject: StageSubject) -
         )
 
 
-_ASSET, _BINDING = "asset", "material:binding"
+_ASSET, _BINDING, _LABELS = "asset", "material:binding", "semantics:labels:"
+
+
+def _in_order(labels: Value | None) -> Value | None:
+    return tuple(sorted(labels, key=str)) if isinstance(labels, tuple) else labels
 
 
 def _bound(prim: Prim, name: str, stage: StageModel) -> tuple[str, ...]:
@@ -167,5 +172,7 @@ def _differences(
             yield name, format_paths(paths), format_paths(actual), Restore(prim.path, name)
     for name, wanted in spec.plain_values.items():
         value = prim.attributes.get(name)
-        if not same_value(value, wanted, near_zero=1e-6):
+        is_set = name.startswith(_LABELS)
+        pair = (_in_order(value), _in_order(wanted)) if is_set else (value, wanted)
+        if not same_value(*pair, near_zero=1e-6):
             yield name, display(wanted), display(value), Restore(prim.path, name)

@@ -53,6 +53,8 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     for robot in lab.scene.robots:
         if robot.pose_is_error_until:
             yield SCENE, f"{robot.key}: pose_is_error_until", robot.pose_is_error_until
+    props = lab.scene.props.items()
+    yield from ((SCENE, f"props: {name}: from", prop.since) for name, prop in props if prop.since)
     for graph in lab.graphs.values():
         for role, node in graph.nodes.items():
             if node.since:

@@ -345,6 +345,9 @@ def _other_ending(path: Path, start: bytes) -> StageError:
         return StageError(f"{text}, and the content is not USD", repair="name a stage")
     stem = inner.stem if inner.suffix.lower() in ENDINGS else inner.name
     name = inner.name if inner.suffix.lower() in endings else f"{stem}{endings[0]}"
+    if path.with_name(name).exists():  # the copy that a repair left, beside the repaired file
+        free = f"{Path(name).stem}_before{Path(name).suffix}"
+        return StageError(text, repair=f"copy the file to {free}; {name} is there, and another one")
     return StageError(text, repair=f"rename the file to {name}")
 
 

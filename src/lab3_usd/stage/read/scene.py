@@ -60,7 +60,10 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     graphs: dict[str, Usd.Prim] = {}
     nodes: dict[str, list[SceneNode]] = {}
     prims: dict[str, ScenePrim] = {}
-    missing = {asset.prim: asset.asset for asset in find_unresolved(stage)}
+    assets: dict[str, dict[str, None]] = {}
+    for unresolved in find_unresolved(stage):
+        assets.setdefault(unresolved.prim, {})[unresolved.asset] = None
+    missing = {prim: ", ".join(several) for prim, several in assets.items()}
     everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
         path, kind = str(Usd.Prim.GetPath(prim)), str(Usd.Prim.GetTypeName(prim))
