@@ -2,15 +2,24 @@
 
 from __future__ import annotations
 
+import re
+import shutil
+from pathlib import Path
+
 import models as m
 import pytest
+from invoking import invoke
 from msgspec.structs import replace
+from pxr import Sdf
 
 from lab3_usd.check.lab_topics import publishers_by_topic
 from lab3_usd.check.registry import rules_of
+from lab3_usd.data import data_folder
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import GraphModel, Node, PortState, StageModel
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.spec.load.loader import load_lab
 
 STEP = "isaacsim.core.nodes.OnPhysicsStep"
 TICK_TYPE = m.lab().graphs[m.ODOM_TF].nodes["on_playback_tick"].type.type
@@ -293,3 +302,26 @@ def test_a_publisher_of_the_commands_is_a_warning_wherever_it_stands(event: str)
         ("Q06", "/Graph/any/sender", TOPIC)
     ]
     assert sites(m.stage(replace(graph, nodes=(sender,)))) == []
+
+
+@pytest.mark.parametrize("space", ["", "mm"])
+def test_a_copy_is_found_where_the_lab_writes_a_namespace_on_the_node(
+    tmp_path: Path, space: str
+) -> None:
+    folder = tmp_path / "lab"
+    shutil.copytree(data_folder("graphs"), folder, ignore=shutil.ignore_patterns("__pycache__"))
+    clock = folder / "ROS_Clock.yaml"
+    text = clock.read_text().replace("queueSize: 10", f'queueSize: 10, nodeNamespace: "{space}"')
+    clock.write_text(text)
+    for file in ("ros.yaml", "submission.yaml", "rubric.yaml"):
+        text = (folder / file).read_text()
+        (folder / file).write_text(re.sub(r"/clock\b", f"/{space}/clock".replace("//", "/"), text))
+    path = tmp_path / "Lab3_01_ros_clock.usda"
+    assert invoke("--lab", folder, "build", "-o", tmp_path, "--force").exit_code == 0
+    layer = Sdf.Layer.FindOrOpen(str(path))
+    Sdf.CreatePrimInLayer(layer, "/Graph").specifier = Sdf.SpecifierDef
+    Sdf.CopySpec(layer, "/World/ROS_Clock", layer, "/Graph/Copy")
+    layer.Save()
+    findings = check_stage(path, lab=load_lab(folder)).findings
+    blamed = [each.prim for each in findings if each.rule == "Q01"]
+    assert blamed == ["/Graph/Copy/ros2_publish_clock"]

@@ -8,7 +8,8 @@ from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.facts.domains import Domain
-from lab3_usd.facts.endpoints import Endpoint, endpoints, ros_name
+from lab3_usd.facts.endpoints import Endpoint, endpoints, namespaces_above, ros_name
+from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.finding import Place
 from lab3_usd.model.stage import once_per_stage
@@ -29,13 +30,6 @@ def role_specs(subject: StageSubject) -> dict[str, NodeSpec]:
         for path, role in roles.role_of.items()
         if role in subject.lab.graphs[name].nodes
     }
-
-
-def required_topic(spec: NodeSpec | None, port: str) -> str | None:
-    """Return the topic that the lab wants at one input of a role, None where it wants none."""
-    if spec is None:
-        return None
-    return next((ros_name("", str(s.value)) for s in spec.settings if s.port == port), None)
 
 
 class Publishers(Struct, frozen=True, eq=False):
@@ -97,8 +91,14 @@ def _is_meant(endpoint: Endpoint, subject: ModelSubject) -> bool:
     """Whether a publisher is to publish this topic, as far as its role tells."""
     if not isinstance(subject, StageSubject):
         return True
-    required = required_topic(role_specs(subject).get(endpoint.node.path), endpoint.port)
-    return required in (None, endpoint.topic)
+    path = endpoint.node.path
+    spec = role_specs(subject).get(path)
+    wanted = {} if spec is None else {value.port: str(value.value) for value in spec.settings}
+    if endpoint.port not in wanted:
+        return True
+    above = "/".join(name for _, name in namespaces_above(path, subject.stage))
+    space = wanted.get(INPUT + subject.platform.ros.namespace, above)
+    return ros_name(space, wanted[endpoint.port]) == endpoint.topic
 
 
 def graph_of(endpoint: Endpoint) -> str:
