@@ -289,6 +289,24 @@ def test_the_namespace_of_the_robot_is_written_into_its_nodes(tmp_path: Path) ->
     assert within.GetAttributeAtPath(f"/World/Bot/Drive/{twist}").Get() is None
 
 
+def test_frames_of_a_sensor_go_to_the_tree_of_its_robot(tmp_path: Path) -> None:
+    path = bot(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    stage.GetPrimAtPath("/World/Bot").CreateAttribute(
+        "isaac:namespace", Sdf.ValueTypeNames.String
+    ).Set("bot1")
+    UsdGeom.Camera.Define(stage, "/World/Bot/base/Eye")
+    stage.Save()
+    del stage
+    frames = {"targets": ("/World/Bot/base/Eye",), "parent": "/World/Bot/base"}
+    for kind, options in (("clock", {}), ("odometry", {}), ("tf", frames)):
+        result = add(path, kind, **options)
+        assert (result.data is not None, result.new) == (True, ())
+        path.write_bytes(result.data or b"")
+    assert add(path, "tf", **frames).data is None
+    assert invoke("topics", path).output.count("/bot1/tf ") == 3
+
+
 def test_the_domain_of_the_clock_is_taken(tmp_path: Path) -> None:
     path = bot(tmp_path)
     written(path, "clock", domain=7)

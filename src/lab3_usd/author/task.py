@@ -44,10 +44,12 @@ class Task(Struct, frozen=True, eq=False):
 
     @property
     def subject(self) -> str:
-        """The prim that the request is about, '' for none."""
+        """The prim that the request is about, '' for none: of frames that below which they hang."""
         if self.sensor is not None:
             return self.sensor.prim.path
-        return "" if self.robot is None else self.robot.path
+        if self.robot is not None:
+            return self.robot.path
+        return self.options.parent or next(iter(self.options.targets or ()), "")
 
 
 def leaf(path: str) -> str:
