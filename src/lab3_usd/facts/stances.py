@@ -18,7 +18,6 @@ from lab3_usd.model.physics import (
     REVOLUTE,
     STIFFNESS,
     UNSET,
-    WEIGHTLESS,
     joints,
     number,
     vector,
@@ -68,17 +67,6 @@ def driven_machines(stage: StageModel) -> Iterator[tuple[Node, Machine]]:
         if machine is not None and machine.base not in found:
             found.add(machine.base)
             yield command.node, machine
-
-
-def are_weighed(bodies: Iterable[str], stage: StageModel) -> bool:
-    """Whether each body has weight, and says by a mass, its centre or a collider where that is."""
-    known = joined_bodies(stage)
-    shaped = {known.carrier(bounds.path) for bounds in stage.colliders.bounds()}
-    values = {body: stage.prims[body].attributes for body in bodies}
-    return all(
-        own.get(WEIGHTLESS) is not True and (body in shaped or {MASS, CENTRE} & {*own})
-        for body, own in values.items()
-    )
 
 
 def _is_doubtful(stage: StageModel) -> bool:

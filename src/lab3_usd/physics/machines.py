@@ -12,7 +12,17 @@ from typing import Any
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import HERE, Affine, Scene
-from lab3_usd.model.physics import MASS, SCENE, SLIDES_OFF, TILT, is_felt, number, slant
+from lab3_usd.model.physics import (
+    CENTRE,
+    MASS,
+    SCENE,
+    SLIDES_OFF,
+    TILT,
+    WEIGHTLESS,
+    is_felt,
+    number,
+    slant,
+)
 from lab3_usd.model.statics import CONTACT, Stand
 from lab3_usd.model.traction import MATERIAL_API, Load, Surface, bound_material, pull_of, surface_of
 from lab3_usd.model.transforms import Vector, cross, length, minus
@@ -254,6 +264,12 @@ class Machines:
                 f"gravity pulls {slant(self._gravity()):.0f} degrees aside"
             )
         machine.falls = stance.stand is not None and stance.stand.falls
+        weightless = next(self._unweighed(machine, stance), "") if machine.falls else ""
+        if weightless:
+            machine.unclear[weightless] = (
+                "nothing tells its weight, by which the robot may tip over"
+            )
+            machine.falls = False
         if stance.stand is not None:
             machine.lean = stance.stand.lean
             self._weigh(machine, stance, stance.stand, rolling)
@@ -272,6 +288,14 @@ class Machines:
             for motion in machine.solve
             for wheel in machine.wheels
         )
+
+    def _unweighed(self, machine: Machine, stance: Stance) -> Iterator[str]:
+        """Yield the bodies of which no mass, centre or collider says what they weigh, and where."""
+        for body in machine.rest:
+            values = self.bodies[body].values
+            is_told = bool(stance.solids[body]) or bool({MASS, CENTRE} & values.keys())
+            if values.get(WEIGHTLESS) is True or not is_told:
+                yield body
 
     def _trailing(self, machine: Machine, stance: Stance) -> Iterator[Wheel]:
         """Yield the wheels, those without a drive by what they do in a turn.

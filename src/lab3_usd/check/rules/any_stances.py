@@ -13,7 +13,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.world import SHAPE, at_rest, rests
 from lab3_usd.facts.articulations import commands_of, driven_wheels
 from lab3_usd.facts.robots import robots
-from lab3_usd.facts.stances import INERTIA, are_weighed, driven_machines, machines
+from lab3_usd.facts.stances import INERTIA, driven_machines, machines
 from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import (
@@ -107,12 +107,11 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
 def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
     """Yield what carries a robot in place of its wheels, or that nothing does.
 
-    Of one that stands on what a joint left that is switched off, the joint is the fault. With a
-    link that has no mass and no shape, which PhysX takes for 1 kg, nobody says that it tips.
+    Of one that stands on what a joint left that is switched off, the joint is the fault.
     """
     tied = joints_at(machine.rest, stage) if machine.falls else ()
     is_tied = any(is_switched_off(joint, JOINT_ENABLED) for joint in tied)
-    tips = machine.falls and not is_tied and are_weighed(machine.rest, stage)
+    tips = machine.falls and not is_tied
     if machine.smooth or (machine.carrier is None and not tips):
         return
     path, text = machine.carrier or (
