@@ -52,7 +52,7 @@ props:
     path: /Hall/Lamp
     type: SphereLight
     handout: B2
-    set: {"inputs:intensity": 900.0}
+    set: {"inputs:intensity": 900.0, "inputs:exposure": 0.0, visibility: inherited}
     from: furnished
   junk: {path: "/Hall/Junk_*", count: 0, handout: B2, from: furnished}
   bench_legs: {path: "/Hall/Leg_*", type: Cube, count: 1, handout: B2, from: furnished}

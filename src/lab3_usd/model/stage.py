@@ -294,6 +294,8 @@ class StageModel(Struct, frozen=True, eq=False):
     nodes, which the stage only overrides; they are read where an asset is missing.
     `old_types` are in the order in which Isaac Sim opens the stage. `build` is how a script made
     the stage, None for a file; `scene` reads a file as a dry run does.
+    `fallback` is the value that the schema of a prim gives an attribute without one, by their path
+    and name; None for none.
     """
 
     platform: Platform
@@ -316,6 +318,7 @@ class StageModel(Struct, frozen=True, eq=False):
     old_types: tuple[OldType, ...] = ()
     build: Build | None = None
     scene: Callable[[], Scene] | None = None
+    fallback: Callable[[str, str], Value | None] = lambda _, __: None
     derived: dict[Hashable, Any] = field(default_factory=dict)
     judged: dict[Hashable, Any] = field(default_factory=dict)
 

@@ -172,6 +172,7 @@ def _differences(
             yield name, format_paths(paths), format_paths(actual), Restore(prim.path, name)
     for name, wanted in spec.plain_values.items():
         value = prim.attributes.get(name)
+        value = stage.fallback(prim.path, name) if value is None else value
         is_set = name.startswith(_LABELS)
         pair = (_in_order(value), _in_order(wanted)) if is_set else (value, wanted)
         if not same_value(*pair, near_zero=1e-6):

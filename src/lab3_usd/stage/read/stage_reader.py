@@ -115,7 +115,14 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
         products=_named_products(stage, scan),
         old_types=tuple(scan.old_types),
         scene=lambda: _scene(stage, platform, path),
+        fallback=lambda prim, name: _fallback(stage, prim, name),
     )
+
+
+def _fallback(stage: Usd.Stage, path: str, name: str) -> Value | None:
+    prim = stage.GetPrimAtPath(path)
+    attribute = prim.GetAttribute(name) if prim else None
+    return plain_value(attribute.Get()) if attribute and attribute.HasFallbackValue() else None
 
 
 def _scene(stage: Usd.Stage, platform: Platform, path: str) -> Scene:
