@@ -662,3 +662,29 @@ def test_a_lab_without_a_format_is_read(tmp_path: Path) -> None:
     folder = shutil.copytree(MINI, tmp_path / "lab")
     assert "format:" not in (folder / "checkpoints.yaml").read_text()
     assert assemble(folder).title == "Mini"
+
+
+HEARD = """  listen:
+    type: isaacsim.ros2.bridge.ROS2Subscriber
+    set: {messagePackage: std_msgs, messageName: Float64, topicName: grip}
+  half: {type: omni.graph.nodes.Negate}
+wires:
+  B4: [listen.PORT -> half.input]
+"""
+
+
+def listening(folder: Path, port: str) -> Lab:
+    """Load a lab with a graph that takes a port of a generic subscriber."""
+    file = folder / "ROS_Clock.yaml"
+    head, _, _ = file.read_text(encoding="utf-8").partition("wires:\n")
+    file.write_text(head + HEARD.replace("PORT", port), encoding="utf-8")
+    return load_lab(folder)
+
+
+def test_a_generic_subscriber_has_the_ports_of_its_message(folder: Path) -> None:
+    assert "listen" in listening(folder, "data").graphs["ROS_Clock"].nodes
+
+
+def test_a_generic_subscriber_has_no_other_ports(folder: Path) -> None:
+    with pytest.raises(SpecError, match="has no output 'dta'; did you mean 'data'"):
+        listening(folder, "dta")

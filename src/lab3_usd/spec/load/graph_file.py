@@ -23,6 +23,7 @@ from lab3_usd.isaac.graph import (
     make_wire,
     placed,
     refuse_second_sources,
+    with_message,
 )
 from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.platform import Platform
@@ -196,6 +197,8 @@ def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: 
         node_type = platform.types.get(entry.type)
         if node_type is None:
             raise GraphError(f"'{entry.type}' is not a node type")
+        written = {INPUT + short: value for _, short, value in _flat(entry.set, section)}
+        node_type = with_message(node_type, written)
         ports = {short: input_of(node_type, short) for short in entry.named_ports()}
         added = checked_added(node_type, entry.ports)
         for short in entry.frames_from:
