@@ -170,6 +170,7 @@ def _untrusting_judge(starter: str | None, assets: tuple[str, ...]) -> Judge:
     return Judge(
         find=hooks.find_untrusted,
         judge=lambda work, _jobs: hooks.judge_untrusted(work, file, places, _notify),
+        module="lab3_usd.check.checker",
     )
 
 
@@ -210,6 +211,7 @@ def _judge(shared: tuple[str, ...], asked: CheckOptions, reporting: Reporting) -
     return Judge(
         find=lambda path: entries.find_entries(path, settings),
         judge=judge,
+        module="lab3_usd.check.checker",
         shared=shared,
         renew=entries.with_kept_starter.cache_clear,
     )

@@ -121,6 +121,7 @@ def command(
     judge = Judge(
         find=lambda path: find_stages(path, config, alone=len(paths) == 1),
         judge=lambda targets, jobs: judge_all(settings, targets, jobs),
+        module="lab3_usd.check.lint",
     )
     reporting = Reporting(report, view, config, path_text(config.starter))
     sys.exit(judge_and_report(paths, judge, reporting))

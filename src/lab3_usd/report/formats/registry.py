@@ -50,6 +50,15 @@ def format_named(name: str) -> Format:
     return entry
 
 
+def module_of(name: str) -> str:
+    """Return the name of the module that renders a format.
+
+    Raises:
+        UsageError: there is no such format.
+    """
+    return format_named(name).module
+
+
 def render(
     name: str, report: Report, rules: Rules | None = None, options: Options | None = None
 ) -> str:
@@ -60,6 +69,6 @@ def render(
     Raises:
         UsageError: there is no such format, or it cannot do what `options` asks.
     """
-    module = importlib.import_module(format_named(name).module)
+    module = importlib.import_module(module_of(name))
     text: str = module.render(truncated_report(report), rules, options or Options())
     return text
