@@ -38,7 +38,7 @@ from bench_grade import (
     watched,
 )
 from browser import DESKTOP, PHONE, Browser, started
-from failing_class import failing_at, hand_in
+from failing_students import failing_at, hand_in
 from grade_files import stage, starter
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class

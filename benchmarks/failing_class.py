@@ -16,7 +16,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
-from failing_class import failing_at, hand_in
+from failing_students import failing_at, hand_in
 from grade_files import starter
 from submissions import write_submission
 

@@ -13,7 +13,7 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
-from failing_class import Mistake, hand_in
+from failing_students import Mistake, hand_in
 from fault_chains import opened_starter, rubric
 from grade_files import LAB, built
 from pxr import Gf

@@ -7,7 +7,7 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from failing_class import Mistake, hand_in, mistakes
+from failing_students import Mistake, hand_in, mistakes
 from fault_chains import (
     drops,
     grade_with,

@@ -9,7 +9,7 @@ from functools import cache, lru_cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from failing_class import Mistake, mistakes
+from failing_students import Mistake, mistakes
 from grade_files import LAB, stage, starter
 from pxr import Sdf, Usd
 
