@@ -6,14 +6,17 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from pxr import Usd
+from pxr import Usd, UsdPhysics
 from robot_kinds import car_with_clock, four_wheels, mobile, rollers
 
 from lab3_usd.author.adding import AddOptions, add_graphs
 from lab3_usd.author.request import Request
+from lab3_usd.facts.robots import robots
 from lab3_usd.isaac.releases import BASE
+from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.stage.read.stage_reader import read_model
 
 Make = Callable[[], Usd.Stage]
 SIZES = {
@@ -109,3 +112,17 @@ def test_a_robot_drives_by_what_three_recipes_write(tmp_path: Path, make: Make, 
     checks = dry_run(path, load_lab(), "").behaviour.checks
     assert [(check.name, check.verdict) for check in checks if check.verdict != "ok"] == []
     assert "follows" in {check.name for check in checks}
+
+
+def test_a_wheel_that_holds_the_base_by_an_exchanged_joint_is_not_the_base(tmp_path: Path) -> None:
+    path = bare(four_wheels, tmp_path / "bare.usda")
+    stage = Usd.Stage.Open(str(path))
+    joint = next(
+        UsdPhysics.Joint(prim) for prim in stage.Traverse() if prim.IsA(UsdPhysics.RevoluteJoint)
+    )
+    ends = [joint.GetBody0Rel(), joint.GetBody1Rel()]
+    base, wheel = (end.GetTargets() for end in ends)
+    ends[0].SetTargets(wheel)
+    ends[1].SetTargets(base)
+    (robot,) = robots(read_model(stage, lint_platform(), str(path)))
+    assert robot.base == str(base[0])
