@@ -181,3 +181,20 @@ def test_a_way_is_described_in_metres_whatever_the_unit_of_the_stage(tmp_path: P
     stage.Save()
     messages = [each.message for each in check_stage(path, "lift", lab).findings]
     assert messages == ["the upper limit of rise is 0.4, expected 40"]
+
+
+def test_a_joint_without_limits_is_described_and_one_that_gets_some_is_told(tmp_path: Path) -> None:
+    path = tmp_path / "lift.usda"
+    free = LIFT.replace("lowerLimit = 0", "lowerLimit = -inf").replace("Limit = 40", "Limit = inf")
+    path.write_text(free)
+    invoke("lab", "new", tmp_path / "lab", path)
+    lab = load_lab(tmp_path / "lab")
+    assert lab.scene.robot.joints["rise"].limits == (float("-inf"), float("inf"))
+    stage = Usd.Stage.Open(str(path))
+    upper = stage.GetPrimAtPath("/Hall/Lift/rise").GetAttribute("physics:upperLimit")
+    told = []
+    for change in (upper.Clear, lambda: upper.Set(40.0)):
+        change()
+        stage.Save()
+        told.append([each.message for each in check_stage(path, "lift", lab).findings])
+    assert told == [[], ["the upper limit of rise is 40, expected inf"]]

@@ -295,7 +295,7 @@ def _motion(joint: Prim, metres: float) -> Iterator[tuple[str, Any]]:
         return
     yield "axis", str(joint.attributes.get(AXIS, USUAL_AXIS))
     low, high = (number(joint.attributes.get(name)) for name in LIMITS)
-    if low is not None and high is not None and math.isfinite(low) and math.isfinite(high):
+    if low is not None and high is not None:
         unit = metres if kind == "linear" else 1.0
         yield "limits", [as_typed(low * unit), as_typed(high * unit)]
     for key, name in (

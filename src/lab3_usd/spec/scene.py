@@ -14,6 +14,7 @@ from lab3_usd.spec.ros import MapFacts
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]  # finite, and no room is larger
 Positive = Annotated[float, Meta(ge=0, le=1e9)]
 Unit = Annotated[float, Meta(gt=0, le=1e9)]
+Limit = float  # of a joint: an infinite one is none
 Number3 = tuple[Number, Number, Number]
 Plain = str | bool | int | float | tuple[Any, ...]
 ANYWHERE = "anywhere"  # recognised off the robot as well
@@ -108,14 +109,15 @@ class JointSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A joint of the robot that turns no wheel, by its name.
 
     It ties two links, '' for the world. `limits` are degrees of a revolute joint, metres of a
-    prismatic one; the values of its drive are as the editor shows them.
+    prismatic one, and -.inf and .inf where it has none; the values of its drive are as the editor
+    shows them.
     """
 
     handout: str
     type: str
     links: tuple[str, str]
     axis: str = ""
-    limits: tuple[Number, Number] | None = None
+    limits: tuple[Limit, Limit] | None = None
     stiffness: Number | None = None
     damping: Number | None = None
     max_force: Number | None = None

@@ -151,7 +151,8 @@ def _limits(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> It
     unit = 1.0 if is_angle else subject.stage.meters_per_unit
     for key, word, limit in zip(LIMITS, ("lower", "upper"), spec.limits or (), strict=False):
         actual, wanted = number(prim.attributes.get(key)), limit / unit
-        if not _same(actual, wanted, subject):
+        is_free = actual is None and math.isinf(wanted)  # USD's own values
+        if not (is_free or _same(actual, wanted, subject)):
             found = "not set" if actual is None else f"{actual:g}"
             text = f"the {word} limit of {name} is {found}, expected {wanted:g}"
             yield JointFault(text, key, f"{wanted:g}", found)

@@ -70,9 +70,9 @@ def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
         if not (joint.type.startswith(_SCHEMA) and joint.type.endswith(_JOINT)):
             message = f"'{joint.type}' is not a type of joints, as {_SCHEMA}Revolute{_JOINT} is"
             yield LabFault(SCENE, f"{key}: type", message)
-        if joint.limits is not None and joint.limits[0] > joint.limits[1]:
+        if joint.limits is not None and not joint.limits[0] <= joint.limits[1]:
             low, high = joint.limits
-            message = f"the lower limit, {low:g}, is above the upper one, {high:g}"
+            message = f"the lower limit, {low:g}, is not below the upper one, {high:g}"
             yield LabFault(SCENE, f"{key}: limits", message)
         for word, value in joint.drive.items():
             if value < 0:
