@@ -221,7 +221,7 @@ def _one_name(name: str) -> str:
     "LAB3_TEAM).",
 )
 def lab3() -> None:
-    """Lint, check, repair and play USD stages of robots, without Isaac Sim."""
+    """Lint, check, repair and simulate USD stages of robots, without Isaac Sim."""
 
 
 def run() -> NoReturn:

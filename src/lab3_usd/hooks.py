@@ -41,9 +41,7 @@ FEATURES = (
     "html",
 )
 
-Users = Literal[
-    "any stage of Isaac Sim", "students", "graders", "course authors", "this installation"
-]
+Users = Literal["any Isaac Sim stage", "students", "graders", "course authors", "this installation"]
 
 
 class Command(NamedTuple):

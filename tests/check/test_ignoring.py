@@ -149,8 +149,8 @@ def test_a_note_for_check_is_none_that_lint_finds_unused(tmp_path: Path) -> None
         ("# lab3: ignore[P99]", "there is no such rule"),
         ("# lab3: ignore", "it names no rule"),
         ("# lab3: ignore[]", "it names no rule"),
-        ("# as measured, lab3: ignore[P01]", "a note begins its comment"),
-        ("# lab3 ignore[P01]", "a note begins its comment"),
+        ("# as measured, lab3: ignore[P01]", "a suppression begins its comment"),
+        ("# lab3 ignore[P01]", "a suppression begins its comment"),
     ],
 )
 def test_a_comment_that_ignores_nothing_is_a_warning_at_its_line(

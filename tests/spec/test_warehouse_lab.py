@@ -367,7 +367,7 @@ def test_each_robot_is_driven_by_its_own_commands_and_drawn_on_the_page(
     text = page.read_text(encoding="utf-8")
     for robot in ("r1", "r2"):
         assert {name for of, name in checks if of == robot} >= {"follows", "odometry"}
-        assert f"The drive of {robot}" in text
+        assert f"The test drive of {robot}" in text
         assert f"Motion and commands of {robot} over time" in text
     assert ("r2", "scan") in checks
     assert ("r1", "scan") not in checks

@@ -1,4 +1,4 @@
-"""Judges any stage of Isaac Sim without a spec, and counts what could not be judged."""
+"""Judges any Isaac Sim stage without a spec, and counts what could not be judged."""
 
 from __future__ import annotations
 

@@ -62,24 +62,24 @@ class CheckOptions(Struct, frozen=True):
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
-    help="Judge at this checkpoint, regardless of the name.",
+    help="Check for this checkpoint, regardless of the name.",
 )
 @click.option("--starter", type=Input(), help="The supplied starter, to compare with.")
 @click.option("--maps", type=MapInput(), help="Folder that holds the map files.")
-@click.option("--sim", is_flag=True, help="Also play each stage, and note its faults.")
+@click.option("--sim", is_flag=True, help="Also simulate each stage; its failed checks are notes.")
 @assets_option
 @native_option
 @report_options
 @click.option(
     "--submission",
     is_flag=True,
-    help="Judge folders as submissions: missing stages, deliverables and checklists count.",
+    help="Check folders as submissions: missing stages, deliverables and checklists count.",
 )
 @click.option("--require-evidence", is_flag=True, help="Missing evidence is an error.")
 @click.option(
     "--untrusted",
     is_flag=True,
-    help="Judge untrusted submissions as `lab3 grade` does; needs --starter.",
+    help="Check untrusted submissions as `lab3 grade` does; needs --starter.",
 )
 @config_options
 @view_options

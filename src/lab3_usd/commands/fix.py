@@ -231,7 +231,7 @@ def _line(finding: Finding) -> str:
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
-    help="Judge at this checkpoint, regardless of the name.",
+    help="Check for this checkpoint, regardless of the name.",
 )
 @click.option("--starter", type=Input(), help="Restore missing parts from this starter.")
 @click.option("--lint", is_flag=True, help="Repair the findings of lab3 lint.")
@@ -240,14 +240,14 @@ def _line(finding: Finding) -> str:
     "release",
     metavar="RELEASE",
     shell_complete=complete_releases,
-    help="With --lint: judge by this release of Isaac Sim.",
+    help="With --lint: check for this release of Isaac Sim.",
 )
 @click.option(
     "--from",
     "moved_from",
     metavar="RELEASE",
     shell_complete=complete_releases,
-    help="With --lint: also what this release, which the stage comes from, does otherwise.",
+    help="With --lint: also repair what differs in this release, from which the stage comes.",
 )
 @click.option(
     "--unsafe",

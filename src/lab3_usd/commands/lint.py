@@ -1,4 +1,4 @@
-"""`lab3 lint`: judge any stage of Isaac Sim, without a spec."""
+"""`lab3 lint`: check any Isaac Sim stage, without a lab."""
 
 from __future__ import annotations
 

@@ -10,7 +10,7 @@ from lab3_usd.hooks import Command, Users, features
 # and networkx. Calls are what the help of the command ends with.
 _OF_THE_CORE: dict[str, Command] = {
     "lint": Command(
-        "any stage of Isaac Sim",
+        "any Isaac Sim stage",
         "Check any Isaac Sim stage, or script that builds graphs.",
         (
             "lab3 lint robot.usd",
@@ -20,7 +20,7 @@ _OF_THE_CORE: dict[str, Command] = {
         "lab3_usd.commands.lint",
     ),
     "fix": Command(
-        "any stage of Isaac Sim",
+        "any Isaac Sim stage",
         "Repair the findings of lint or of a check.",
         (
             "lab3 fix STAGE.usda --diff",
@@ -29,7 +29,7 @@ _OF_THE_CORE: dict[str, Command] = {
         "lab3_usd.commands.fix",
     ),
     "rules": Command(
-        "any stage of Isaac Sim",
+        "any Isaac Sim stage",
         "List all rules.",
         (
             "lab3 rules",
@@ -38,7 +38,7 @@ _OF_THE_CORE: dict[str, Command] = {
         "lab3_usd.commands.rules",
     ),
     "rule": Command(
-        "any stage of Isaac Sim",
+        "any Isaac Sim stage",
         "Explain one rule.",
         (
             "lab3 rule W01",

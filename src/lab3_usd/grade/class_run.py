@@ -251,12 +251,12 @@ def _task(
 
 
 def _notify_unconfined(answer: Json, notified: set[str], notify: Callable[[str], None]) -> None:
-    """Say once, in one line, which walls this system does not put around workers."""
+    """Say once, in one line, which sandbox layers this system does not give workers."""
     missing = answer.get("unconfined", [])
     if not notified.issuperset(missing):
         notified.update(missing)
-        walls = ", ".join(f"{name} ({WALLS[name]})" for name in missing)
-        notify(f"workers lack walls, see SECURITY.md: {walls}")
+        layers = ", ".join(f"{name} ({WALLS[name]})" for name in missing)
+        notify(f"workers lack sandbox layers, see SECURITY.md: {layers}")
 
 
 def _record(

@@ -103,7 +103,7 @@ def unused_note(note: IgnoreNote) -> Iterator[Finding]:
     """Yield the finding about a note that ignores nothing."""
     why = "there is no such finding here"
     if note.misspelt:
-        why = "a note begins its comment, as in # lab3: ignore[P01]"
+        why = "a suppression begins its comment, as in # lab3: ignore[P01]"
     elif not note.rule:
         why = "it names no rule"
     elif note.rule not in families() and note.rule not in all_rules():

@@ -144,7 +144,7 @@ def ground_without_hold(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `orientation = "leftHanded"` of a floor whose points go round counterclockwise.
 
-    Basis: PhysX was tried with such floors; `docs/sim.md` has the results.
+    Basis: PhysX was tried with such floors; `benchmarks/README.md` has the results.
     """
     for node, machine in driven_machines(subject.stage):
         if machine.no_ground is not None:

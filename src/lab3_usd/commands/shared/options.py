@@ -135,7 +135,7 @@ from_option: Option = click.option(
     "moved_from",
     metavar="RELEASE",
     shell_complete=complete_releases,
-    help="Also what this release, which the stage comes from, does otherwise; auto lets it tell.",
+    help="Also report what differs in this release, from which the stage comes; auto finds it.",
 )
 
 
@@ -222,7 +222,7 @@ scene_option = click.option(
     "scene",
     type=Input(exists=True, dir_okay=False),
     metavar="STAGE",
-    help="The stage that scripts load, over which their graphs are judged.",
+    help="The stage that scripts load; their graphs are checked on it.",
 )
 
 
@@ -279,10 +279,10 @@ view_options = all_of(
         default=1,
         metavar="N",
         show_default=True,
-        help="Judge N files or submissions at once, each in a process of its own.",
+        help="Check N files or submissions at once, each in its own process.",
     ),
     click.option(
-        "--watch", is_flag=True, help="Judge again after each save, until Ctrl-C (extra watch)."
+        "--watch", is_flag=True, help="Check again after each save, until Ctrl-C (extra watch)."
     ),
     click.option("--quiet", "-q", is_flag=True, help="Only the summary lines."),
     click.option("--verbose", "-v", is_flag=True, help="Also why each rule matters."),

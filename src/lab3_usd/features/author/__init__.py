@@ -5,13 +5,13 @@ from lab3_usd.hooks import Command, Feature
 FEATURE = Feature(
     commands={
         "robots": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "Print the robots of a stage: wheels, joints, sensors, frames.",
             ("lab3 robots robot.usd",),
             "lab3_usd.features.author.robots",
         ),
         "add": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "Add ROS 2 graphs for the robots and sensors of a stage.",
             (
                 "lab3 add drive robot.usd",
@@ -21,7 +21,7 @@ FEATURE = Feature(
             "lab3_usd.features.author.add",
         ),
         "remove": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "Remove such a graph.",
             ("lab3 remove drive robot.usd --in-place",),
             "lab3_usd.features.author.remove",

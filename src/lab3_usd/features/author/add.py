@@ -47,7 +47,7 @@ Kinds:
   holonomic     /cmd_vel to wheels with rollers
   odometry      where the robot is, and the frames of its links
   tf            the frames of links, or of --targets
-  joints        joint states; --commands takes commands
+  joints        joint states; --commands subscribes to commands
   camera        pictures and camera info; --publish chooses
   lidar         a laser scan, a point cloud
   imu           accelerations and turning
@@ -80,7 +80,7 @@ class AddingOptions(Struct, frozen=True):
     text="Add what this YAML file lists instead of KIND; replace what differs.",
 )
 @request_options
-@click.option("--replace", is_flag=True, help="Make a graph new that has other values.")
+@click.option("--replace", is_flag=True, help="Replace a graph that has other values.")
 @writing_options("extended")
 @click.option(
     "--layer",
@@ -88,7 +88,7 @@ class AddingOptions(Struct, frozen=True):
     metavar="FILE",
     help="Write a layer over the stage with the graphs alone.",
 )
-@click.option("--check-drive", is_flag=True, help="Play the result and judge its messages.")
+@click.option("--check-drive", is_flag=True, help="Simulate the result and check its messages.")
 @edit_options
 @recorded("asked", AddingOptions)
 def command(

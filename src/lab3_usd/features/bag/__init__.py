@@ -5,7 +5,7 @@ from lab3_usd.hooks import Command, Feature
 FEATURE = Feature(
     commands={
         "bag": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "Check a recording of the running system.",
             (
                 "lab3 bag run",

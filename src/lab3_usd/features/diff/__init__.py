@@ -5,7 +5,7 @@ from lab3_usd.hooks import Command, Feature
 FEATURE = Feature(
     commands={
         "diff": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "List the differences between two stages.",
             ("lab3 diff BEFORE.usda AFTER.usda",),
             "lab3_usd.features.diff.diff",

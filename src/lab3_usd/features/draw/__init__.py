@@ -5,7 +5,7 @@ from lab3_usd.hooks import Command, Feature
 FEATURE = Feature(
     commands={
         "draw": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "Draw Action Graphs and the TF tree.",
             (
                 "lab3 draw STAGE.usda -o pictures",
@@ -14,7 +14,7 @@ FEATURE = Feature(
             "lab3_usd.features.draw.draw",
         ),
         "tf": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "Print the TF tree that a stage publishes.",
             (
                 "lab3 tf STAGE.usda -v",
@@ -23,7 +23,7 @@ FEATURE = Feature(
             "lab3_usd.features.draw.tf",
         ),
         "topics": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "Print the topics that a stage publishes and subscribes to.",
             ("lab3 topics STAGE.usda",),
             "lab3_usd.features.draw.topics",

@@ -65,7 +65,7 @@ class DrawOptions(Struct, frozen=True):
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
-    help="Judge the stage at this checkpoint.",
+    help="Check the stage for this checkpoint.",
 )
 @click.option("--lint", is_flag=True, help="Mark the findings of lab3 lint.")
 @isaac_option

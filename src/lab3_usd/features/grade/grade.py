@@ -146,7 +146,7 @@ def _complete_students(
     help="The supplied map, its YAML or folder: maps are compared with it, missing ones replaced.",
 )
 @click.option("--resume", is_flag=True, help="Continue a gradebook; keep its finished results.")
-@click.option("--force", is_flag=True, help="Take the gradebook of a run that was killed.")
+@click.option("--force", is_flag=True, help="Remove the lock of a run that was killed.")
 @click.option(
     "--merge-uploads",
     is_flag=True,
@@ -169,8 +169,10 @@ def _complete_students(
     text="Table of student, item, points and text: what you decide by hand.",
 )
 @export_options
-@click.option("--cluster", metavar="ADDRESS", help="Dask scheduler to judge with: tls://host:port.")
-@click.option("--insecure-cluster", is_flag=True, help="Take a public scheduler that has no TLS.")
+@click.option(
+    "--cluster", metavar="ADDRESS", help="Dask scheduler whose workers grade: tls://host:port."
+)
+@click.option("--insecure-cluster", is_flag=True, help="Accept a public scheduler without TLS.")
 @recorded("asked", ClassOptions)
 def command(
     submissions: str | None, asked: ClassOptions, bounds: BoundOptions, export: ExportOptions

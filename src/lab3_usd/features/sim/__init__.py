@@ -5,7 +5,7 @@ from lab3_usd.hooks import Command, Feature
 FEATURE = Feature(
     commands={
         "sim": Command(
-            "any stage of Isaac Sim",
+            "any Isaac Sim stage",
             "Simulate a stage without Isaac Sim, and check its ROS messages.",
             (
                 "lab3 sim STAGE.usda",

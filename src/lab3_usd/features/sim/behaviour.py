@@ -22,7 +22,7 @@ checkpoint_option: Option = click.option(
     "--checkpoint",
     metavar="NN",
     shell_complete=complete_checkpoints,
-    help="Judge at this checkpoint.",
+    help="Check for this checkpoint.",
 )
 page_option: Option = click.option(
     "--page", type=OutputReport(path_type=Path), help="Write an HTML page to this file."

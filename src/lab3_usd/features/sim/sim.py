@@ -32,8 +32,8 @@ if TYPE_CHECKING:
 @click.option(
     "--drive",
     type=Input(),
-    metavar="FILE|LEGS",
-    help='The drive: a file, or legs "v,w,s ..." (m/s, rad/s, seconds).',
+    metavar="FILE|TEXT",
+    help='The test drive: segments "v,w,s ..." (m/s, rad/s, seconds), or a file.',
 )
 @click.option("--topic", metavar="NAME", help="Drive only the robots that subscribe to this topic.")
 @click.option(
@@ -53,11 +53,11 @@ def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> N
 
     The graphs of STAGE are executed as they are wired, by functions written from the published
     source of Isaac Sim 6.0.1; the robot moves by exact kinematics. The checkpoint in the file name
-    decides what is required. A stage without one is judged by its own content: each robot is driven
-    by its own commands.
+    decides what is required. A stage without one is checked by its own content: each robot is
+    driven by its own commands.
 
-    Exit code: 0 all right, or nothing to run yet, 1 a fault or not judged, 2 unreadable or wrong
-    usage, 3 the program itself failed.
+    Exit code: 0 no check failed, or nothing to run yet, 1 a check failed or not judged, 2
+    unreadable or wrong usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.commands.shared.options import checkpoint_number

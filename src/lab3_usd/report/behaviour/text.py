@@ -154,7 +154,7 @@ def render(
     legs = "; ".join(map(leg_text, behaviour.legs)) or (
         "joints received commands" if behaviour.robots else "no command was sent"
     )
-    motion = "drive" if behaviour.legs else "run"
+    motion = "test drive" if behaviour.legs and not behaviour.recording else "run"
     drive = f"{motion}: {behaviour.seconds:.1f} s"
     is_any = behaviour.recording and not behaviour.checkpoint
     drive += f"; {legs}" if behaviour.legs or not is_any else ""

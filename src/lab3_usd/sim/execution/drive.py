@@ -104,10 +104,10 @@ def fixed_drive(limits: tuple[float, float] = (0.0, 0.0), slow: float = 1.0) -> 
 
 
 def drive_of(text: str, limits: tuple[float, float]) -> tuple[Session, ...]:
-    """Return the drive that somebody wrote: a file, or legs `v,w,s` between spaces.
+    """Return the test drive that a file or a text describes.
 
-    A leg is metres a second, radians a second, and seconds. In a file each stands on a line, and
-    what follows a `#` is a remark.
+    A segment `v,w,s` is metres a second, radians a second, and seconds. A text separates segments
+    by spaces, a file by lines; a `#` begins a comment.
 
     Raises:
         UsageError: it is neither a file nor a drive.
@@ -140,7 +140,7 @@ def _legs(lines: list[str], limits: tuple[float, float]) -> Iterator[Leg]:
         except ValueError:
             numbers = []
         if len(numbers) != _NUMBERS or not all(map(math.isfinite, numbers)) or numbers[2] <= 0:
-            raise UsageError(f"--drive: '{text}' is not a leg; write m/s, rad/s and seconds")
+            raise UsageError(f"--drive: '{text}' is not a segment; write m/s, rad/s and seconds")
         v, w, seconds = numbers
         yield Leg(leg_name(v, w, limits), seconds, (v, 0.0, w))
 
