@@ -20,6 +20,7 @@ from workers_here import graded_here, workers_here
 from lab3_usd.errors import UsageError
 from lab3_usd.features.grade import grade
 from lab3_usd.grade import class_run, gradebook
+from lab3_usd.grade.adjustments import Tables
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.feedback import reasons_by_student
 from lab3_usd.grade.gradebook import HTML, read_gradebook
@@ -79,9 +80,10 @@ def sums(book: Path) -> list[tuple[float, float]]:
 
 def test_points_by_hand_are_counted_and_the_change_is_printed(here: Path) -> None:
     shown = regraded(here, "--adjust", here / "hand.csv")
-    assert shown.splitlines()[:2] == [
-        "jane: 100.00 of 100 -> 105.50 of 110 (+5.50)",
-        "joe: 98.17 of 100 -> 99.17 of 100 (+1.00)",
+    assert shown.splitlines() == [
+        "jane: 100.00 of 100 -> 105.50 of 110 (+5.50), other remarks",
+        "joe: 98.17 of 100 -> 99.17 of 100 (+1.00), other remarks",
+        f"2 changed (points of 2, remarks of 2): {here / 'book' / 'index.html'}",
     ]
     assert sums(here / "book") == [JANE, JOE]
 
@@ -95,26 +97,112 @@ def test_the_students_of_a_gradebook_are_completed(
     assert [item.value for item in offered] == students
 
 
+def with_price(folder: Path, per_day: float = 0.1) -> None:
+    """Let each day late cost a share of all points."""
+    rubric = folder / "rubric.yaml"
+    content = quick_yaml.load(rubric.read_text(encoding="utf-8")) | {"late": {"per_day": per_day}}
+    rubric.write_text(quick_yaml.dump(content), encoding="utf-8")
+
+
 @pytest.mark.parametrize(
     ("points", "earned", "because"),
     [
-        ("", 100.0, "remark: see me"),
-        ("-7.5", 92.5, "adjusted by hand: see me (-7.5 points)"),
-        ("60", 60.0, "adjusted by hand: see me (-40 points)"),
-        ("3d", 70.0, "late by 3 days, each 10%: see me"),
-        ("11d", 0.0, "late by 11 days, each 10%: see me"),
+        ("", 100.0, ["remark: see me"]),
+        ("-7.5", 92.5, ["adjusted by hand: see me (-7.5 points)"]),
+        ("60", 60.0, ["adjusted by hand: see me (-40 points)"]),
+        ("3d", 70.0, ["late by 3 days, each 10%", "remark: see me"]),
+        ("11d", 0.0, ["late by 11 days, each 10%", "remark: see me"]),
     ],
 )
 def test_a_whole_submission_has_a_remark_points_or_days(
-    here: Path, points: str, earned: float, because: str
+    here: Path, points: str, earned: float, because: list[str]
 ) -> None:
-    rubric = here / "rubric.yaml"
-    content = quick_yaml.load(rubric.read_text(encoding="utf-8")) | {"late": {"per_day": 0.1}}
-    rubric.write_text(quick_yaml.dump(content), encoding="utf-8")
+    with_price(here)
     (here / "hand.csv").write_text(f"student,item,points,text\njane,,{points},see me\n")
     regraded(here, "--adjust", here / "hand.csv")
     row = student_in(read_gradebook(here / "book"), "jane")
-    assert (row["earned"], row["because"]) == (earned, [because])
+    assert (row["earned"], row["because"]) == (earned, because)
+
+
+LATE_TABLES = {
+    "days": "student,days\njane,2\njoe,0\nnobody,\n",
+    "times": "student,submitted,deadline\n"
+    "jane,2026-11-22 08:00,2026-11-20 23:59\njoe,2026-11-20 23:59,2026-11-20 23:59\n",
+    "zones": "student,submitted,deadline\njane,2026-11-22T04:59Z,2026-11-20T23:59-05:00\n",
+}
+
+
+@pytest.mark.parametrize(
+    ("table", "days"), [("days", 2), ("times", 2), ("zones", 1)], ids=list(LATE_TABLES)
+)
+def test_days_late_come_from_a_table_of_days_or_of_times(here: Path, table: str, days: int) -> None:
+    with_price(here)
+    (here / "hand.csv").write_text("student,item,points,text\njane,,-5,rude\n")
+    (here / "times.csv").write_text(LATE_TABLES[table])
+    shown = regraded(here, "--adjust", here / "hand.csv", "--late", here / "times.csv")
+    assert shown.splitlines()[0].startswith("jane: 100.00 of 100 -> ")
+    assert f"{days} day{'s' * (days > 1)} late" in shown
+    jane, joe = read_gradebook(here / "book")["students"]
+    assert (jane["earned"], jane["days_late"]) == (95.0 - 10 * days, days)
+    assert joe["earned"] == 98.17
+    with (here / "book" / "grades.csv").open(newline="") as file:
+        late = [row["late"] for row in csv.DictReader(file)]
+    assert late == [f"{days} day{'s' * (days > 1)}", ""]
+    assert regraded(here).startswith("0 changed")  # the gradebook keeps the table
+
+
+def test_a_late_student_without_days_loses_nothing_until_they_are_given(here: Path) -> None:
+    with_price(here)
+    rubric = here / "rubric.yaml"
+    rubric.write_text(
+        rubric.read_text().replace("per_day: 0.1", "per_day: 0.1\n  students: [jane]")
+    )
+    regraded(here)
+    row = student_in(read_gradebook(here / "book"), "jane")
+    assert (row["earned"], row["because"]) == (100.0, ["late, by how many days is not given"])
+    (here / "times.csv").write_text("student,days\njane,0\n")
+    regraded(here, "--late", here / "times.csv")
+    row = student_in(read_gradebook(here / "book"), "jane")
+    assert (row["earned"], row["because"], row["days_late"]) == (100.0, [], 0)
+
+
+@pytest.mark.parametrize(
+    ("table", "why"),
+    [
+        ("student,when\njane,2\n", "needs the columns student, days or student, submitted, dead"),
+        ("student,days\njane,two\n", "line 2: 'two' is not a number of days, such as 0 or 2"),
+        ("student,days\njim,2\n", "line 2: no student is called 'jim'"),
+        ("student,days\njane,2\njane,3\n", "line 3: jane is in line 2 too"),
+        (
+            "student,submitted,deadline\njane,Friday,2026-11-20\n",
+            "line 2: 'Friday' is not a time, such as 2026-11-20 23:59",
+        ),
+        (
+            "student,submitted,deadline\njane,2026-11-20T08:00Z,2026-11-20\n",
+            "line 2: of '2026-11-20T08:00Z' and '2026-11-20' one has a time zone, the other none",
+        ),
+    ],
+)
+def test_a_wrong_table_of_days_is_refused(here: Path, table: str, why: str) -> None:
+    with_price(here)
+    (here / "times.csv").write_text(table)
+    with pytest.raises(UsageError, match=re.escape(why)):
+        regraded(here, "--late", here / "times.csv")
+    assert not (here / "book" / "late.csv").exists()
+
+
+def test_lines_of_an_earlier_table_that_no_longer_count_are_named(here: Path) -> None:
+    regraded(here, "--adjust", here / "hand.csv")
+    (here / "next.csv").write_text("student,item,points,text\njoe,clock,+1,again\n")
+    rubric = here / "rubric.yaml"
+    options = ["--rubric", rubric, "--adjust", here / "next.csv"]
+    told = invoke("grade", "--regrade", here / "book", *options).stderr.splitlines()
+    assert told == [
+        "lab3: 3 lines of the table before no longer count; to keep them, add to the new one:",
+        'lab3:     jane,video,8,"clear, but no goal is reached"',
+        "lab3:     jane,drive,-2.5,drove into the wall in the check-off",
+        "lab3:     joe,scan,,neat",
+    ]
 
 
 def test_what_only_a_person_can_judge_is_no_longer_open(here: Path) -> None:
@@ -127,7 +215,7 @@ def test_what_only_a_person_can_judge_is_no_longer_open(here: Path) -> None:
 
 
 def test_grading_and_regrading_with_the_same_table_give_the_same_grades(here: Path) -> None:
-    graded_here(settings(here, "other", adjustments=here / "hand.csv"))
+    graded_here(settings(here, "other", by_hand=Tables(here / "hand.csv")))
     regraded(here, "--adjust", here / "hand.csv")
     of_joe = ("students/joe/report.html", "students/joe/results.json")
     for name in ("grades.csv", "grades.json", "index.html", *of_joe):
@@ -239,7 +327,7 @@ def test_a_wrong_line_is_named_and_nothing_is_written(here: Path, line: str, why
         regraded(here, "--adjust", here / "wrong.csv")
     assert files_below(here / "book") == before
     with pytest.raises(UsageError, match=re.escape(f"wrong.csv: {why}")):
-        graded_here(settings(here, "new", adjustments=here / "wrong.csv"))
+        graded_here(settings(here, "new", by_hand=Tables(here / "wrong.csv")))
     assert files_below(here / "new") == {}
 
 
@@ -258,7 +346,7 @@ def test_adjustments_are_refused_where_no_points_are_counted(here: Path) -> None
 @pytest.mark.parametrize(
     ("module", "part", "after", "far"),
     [
-        (class_run, "adjustments_in", 0, "nothing is graded yet"),
+        (class_run, "decisions_in", 0, "nothing is graded yet"),
         (class_run, "write_student", 1, "1 of 2 done"),
         (class_run, "adjust", 0, "2 of 2 done"),
         (gradebook, "write_parts", 1, "2 of 2 done"),

@@ -88,10 +88,10 @@ def test_another_rubric_needs_no_submission_and_says_who_changed(
     book: Path, tmp_path: Path
 ) -> None:
     (tmp_path / "class").rename(tmp_path / "gone")
-    changed = regrade(book, another(tmp_path), LAB)
-    assert [(each.student, each.before, each.after) for each in changed] == [
-        ("jane", (100.0, 100.0), (110.0, 110.0)),
-        ("joe", (98.17, 100.0), (106.33, 110.0)),
+    regraded = regrade(book, another(tmp_path), LAB)
+    assert [each.text for each in regraded.changed] == [
+        "jane: 100.00 of 100 -> 110.00 of 110 (+10.00)",
+        "joe: 98.17 of 100 -> 106.33 of 110 (+8.16)",
     ]
     row = student_in(read_gradebook(book), "joe")
     assert (row["earned"], row["possible"]) == (106.33, 110.0)
@@ -107,7 +107,7 @@ def test_another_rubric_needs_no_submission_and_says_who_changed(
 
 def test_the_same_rubric_changes_nobody_and_nothing(book: Path) -> None:
     page = (book / "students" / "joe" / HTML).read_bytes()
-    assert regrade(book, MINI / "rubric.yaml", LAB) == []
+    assert regrade(book, MINI / "rubric.yaml", LAB).changed == ()
     assert (book / "students" / "joe" / HTML).read_bytes() == page
 
 
@@ -124,13 +124,13 @@ def test_a_gradebook_stays_with_the_rubric_that_made_it(graded: Path, tmp_path: 
     assert (out / "rubric.yaml").read_bytes() == rubric.read_bytes()
     rubric.unlink()
     before = files_below(out)
-    assert regrade(out, None, LAB) == []
+    assert regrade(out, None, LAB).changed == ()
     graded_here(replace(settings, rubric=None, resume=True))
     assert files_below(out) == before
 
 
 def test_of_the_own_rubric_of_the_lab_no_copy_is_kept(book: Path) -> None:
-    assert regrade(book, None, LAB) == []
+    assert regrade(book, None, LAB).changed == ()
     assert not (book / "rubric.yaml").exists()
 
 
@@ -192,7 +192,7 @@ def test_an_export_is_filled_in_shown_and_recorded(book: Path, tmp_path: Path) -
     ]  # fmt: skip
     assert record == {"export": "export.csv", "column": "Mini (77)", "maximum": 100.0}
     regraded = regrade(book, MINI / "rubric.yaml", LAB)
-    assert (regraded, "exports" in read_gradebook(book)) == ([], False)
+    assert (regraded.changed, "exports" in read_gradebook(book)) == ((), False)
 
 
 def test_a_dry_run_shows_the_same_table_and_writes_nothing(book: Path, tmp_path: Path) -> None:

@@ -1,12 +1,16 @@
-"""Reads what a grader decides by hand: points and remarks for items of students."""
+"""Reads what a grader decides by hand: points and remarks for items of students, and days late."""
 
 from __future__ import annotations
 
+import csv
+import io
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from datetime import datetime, timedelta
 from pathlib import Path
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
@@ -14,10 +18,12 @@ from lab3_usd.files import write_whole
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.text_table import TextTable, read_text_table
 
-ADJUSTMENTS = "adjustments.csv"  # the copy that the gradebook keeps
+ADJUSTMENTS, LATE = "adjustments.csv", "late.csv"  # the copies that the gradebook keeps
 _COLUMNS = ("student", "item", "points", "text")
+_STUDENT, _LATE_DAYS, _TIMES = "student", "days", ("submitted", "deadline")
 WHOLE = ""  # the item of what is decided about a whole submission
 _DAYS = re.compile(r"([1-9][0-9]?)d", re.ASCII)
+_DAY = timedelta(days=1)
 _POINTS = re.compile(r"[+-]?[0-9]+(?:[.,][0-9]+)?", re.ASCII)
 
 
@@ -25,90 +31,173 @@ class Adjustment(Struct, frozen=True):
     """What a grader decided about an item: its points, or with `is_change` a change of them.
 
     Without points it is a remark. `line` is where it stands in the file. A whole submission may be
-    so many `days` late.
+    so many `days` late, for which a table of days gives no `text`; None where nobody says so.
     """
 
     text: str
     points: float | None
     is_change: bool
     line: int
-    days: int = 0
+    days: int | None = None
 
 
 ByItem = Mapping[str, Adjustment]
 
 
-def adjustments_in(
-    out: Path, given: Path | None, rubric: Rubric, students: Iterable[tuple[str, str]]
-) -> dict[str, dict[str, Adjustment]] | None:
-    """Return the adjustments by student and item, and keep a copy of the file in the gradebook.
+def days_text(days: int) -> str:
+    """Return a number of days in words."""
+    return f"{days} day{'s' * (days != 1)}"
 
-    Without a file `given` that copy counts; None where there is none. `students` are numbers and
-    names.
+
+class Tables(Struct, frozen=True):
+    """The tables that a grader gives: of decisions, and of days late."""
+
+    decisions: Path | None = None
+    late: Path | None = None
+
+
+class Decisions(Struct, frozen=True):
+    """What was decided by student and item, and the lines of before that no longer count."""
+
+    by_student: Mapping[str, ByItem]
+    dropped: tuple[str, ...] = ()
+
+
+def dropped_lines(dropped: Sequence[str]) -> Iterator[str]:
+    """Yield what a person is told of the lines that a new table has not."""
+    count = len(dropped)
+    if count:
+        lines = f"{count} line{'s' * (count != 1)}"
+        yield f"{lines} of the table before no longer count; to keep them, add to the new one:"
+    yield from (f"    {line}" for line in dropped)
+
+
+class _Lines(Struct, frozen=True):
+    """The lines of a table, by the columns that it must have and those that it may have."""
+
+    path: Path
+    table: TextTable
+    columns: Mapping[str, int]
+
+    def value(self, row: int, column: str) -> str:
+        """Return what a line says in a column."""
+        return self.table.value(row, self.columns[column]).strip()
+
+    def place(self, row: int) -> str:
+        """Return the file and the line in which a row begins: a cell may hold several lines."""
+        return f"{self.path}: line {self.line(row)}"
+
+    def line(self, row: int) -> int:
+        """Return the line of the file in which a row begins."""
+        before = self.table.text[: self.table.rows[row][0].start]
+        return len(re.findall(r"\r\n|\r|\n", before)) + 1
+
+
+class _Roll:
+    """The students of a class, by number and by name."""
+
+    def __init__(self, students: Iterable[tuple[str, str]]) -> None:
+        self.numbers: set[str] = set()
+        self.names: dict[str, list[str]] = {}
+        for student, name in students:
+            self.numbers.add(student)
+            self.names.setdefault(name.casefold(), []).append(student)
+
+    def called(self, name: str) -> list[str]:
+        """Return the numbers of those who may be meant."""
+        return [name] if name in self.numbers else self.names.get(name.casefold(), [])
+
+    def student(self, name: str, place: str) -> str:
+        """Return the number of the student of this number or name.
+
+        Raises:
+            UsageError: there is none, or several are called so.
+        """
+        called = self.called(name)
+        if len(called) != 1:
+            what = "several students have the name" if called else "no student is called"
+            near = None if called else likely_name(name, {*self.numbers, *self.names})
+            ways = did_you_mean(near) or "; give the number of grades.csv"
+            raise UsageError(f"{place}: {what} '{name}'{ways}")
+        return called[0]
+
+
+def decisions_in(
+    out: Path, given: Tables, rubric: Rubric, students: Iterable[tuple[str, str]]
+) -> Decisions | None:
+    """Return what the grader decided, and keep copies of the tables in the gradebook.
+
+    Without a table that copy counts; None where there is none. `students` are numbers and names.
 
     Raises:
-        UsageError: the file is no such table, or a line names an unknown student or item, has no
-            text or wrong points, or repeats another one.
+        UsageError: a file is no such table, or a line names an unknown student or item, has no
+            text, wrong points or days, or repeats another one.
     """
-    copy = out / ADJUSTMENTS
-    path = given or copy
-    if given is None and not copy.is_file():
+    roll = _Roll(students)
+    kept, decided = _lines(out / ADJUSTMENTS), _lines(given.decisions)
+    counted = decided or kept
+    late = _lines(given.late) or _lines(out / LATE)
+    if counted is None and late is None:
+        return None
+    by_student = {} if counted is None else _adjustments(counted, rubric, roll)
+    for student, late_line in ({} if late is None else _late(late, rubric, roll)).items():
+        own = by_student.setdefault(student, {})
+        whole = own.get(WHOLE, late_line)
+        own[WHOLE] = whole if whole.days is not None else replace(whole, days=late_line.days)
+    dropped = () if kept is None or decided is None else tuple(_dropped(kept, decided, roll))
+    for table, name in ((given.decisions, ADJUSTMENTS), (given.late, LATE)):
+        copy = out / name
+        if table is not None and not (copy.exists() and copy.samefile(table)):
+            write_whole(copy, table.read_bytes(), force=True)
+    return Decisions(by_student, dropped)
+
+
+def _lines(path: Path | None) -> _Lines | None:
+    """Read a table of a grader; None where none is given, or where a copy is not there."""
+    if path is None or (path.name in {ADJUSTMENTS, LATE} and not path.is_file()):
         return None
     table = read_text_table(path)
     headings = [heading.casefold() for heading in table.headings] if table.rows else []
-    if not set(_COLUMNS) <= set(headings):
-        raise UsageError(f"{path}: needs the columns {', '.join(_COLUMNS)}")
-    columns = [headings.index(name) for name in _COLUMNS]
+    return _Lines(path, table, {name: headings.index(name) for name in headings})
+
+
+def _need(lines: _Lines, columns: Sequence[str]) -> None:
+    if not lines.columns.keys() >= set(columns):
+        raise UsageError(f"{lines.path}: needs the columns {', '.join(columns)}")
+
+
+def _adjustments(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, dict[str, Adjustment]]:
+    """Return what a table of decisions says, by student and item."""
+    _need(lines, _COLUMNS)
     points = {item.id: item.points for item in rubric.items}
     points[WHOLE] = sum(points.values())
-    numbers, names = _by_name(students)
     found: dict[str, dict[str, Adjustment]] = {}
-    for row in table.lines:
-        student, item, amount, text = (table.value(row, place).strip() for place in columns)
-        line = _line_of(table, row)
-        place = f"{path}: line {line}"
-        called = [student] if student in numbers else names.get(student.casefold(), [])
-        if len(called) != 1:
-            what = "several students have the name" if called else "no student is called"
-            near = None if called else likely_name(student, {*numbers, *names})
-            ways = did_you_mean(near) or "; give the number of grades.csv"
-            raise UsageError(f"{place}: {what} '{student}'{ways}")
+    for row in lines.table.lines:
+        student, item, amount, text = (lines.value(row, name) for name in _COLUMNS)
+        line, place = lines.line(row), lines.place(row)
+        own = found.setdefault(roll.student(student, place), {})
         if item not in points:
             known = ", ".join(filter(None, points))
             raise UsageError(f"{place}: the rubric has no item '{item}'; it has {known}")
         if not text:
             raise UsageError(f"{place}: has no text; the student reads it as the reason")
-        own = found.setdefault(called[0], {})
         if item in own:
             what = item or "the whole submission"
             raise UsageError(f"{place}: {student} and {what} are in line {own[item].line} too")
         days = _DAYS.fullmatch(amount) if item == WHOLE else None
-        if days is not None and not rubric.late.per_day:
-            raise UsageError(f"{place}: {amount} needs `late: {{per_day: 0.1}}` in the rubric")
         if days is not None:
+            _need_price(rubric, f"{place}: {amount}")
             own[item] = Adjustment(text, None, is_change=False, line=line, days=int(days[1]))
             continue
         own[item] = Adjustment(
             text, _points(amount, points[item], place), amount.startswith(("+", "-")), line
         )
-    if given is not None and not (copy.exists() and copy.samefile(given)):
-        write_whole(copy, given.read_bytes(), force=True)
     return found
 
 
-def _by_name(students: Iterable[tuple[str, str]]) -> tuple[set[str], dict[str, list[str]]]:
-    numbers: set[str] = set()
-    names: dict[str, list[str]] = {}
-    for student, name in students:
-        numbers.add(student)
-        names.setdefault(name.casefold(), []).append(student)
-    return numbers, names
-
-
-def _line_of(table: TextTable, row: int) -> int:
-    """Return the line of the file in which a row begins: a cell may hold several lines."""
-    before = table.text[: table.rows[row][0].start]
-    return len(re.findall(r"\r\n|\r|\n", before)) + 1
+def _need_price(rubric: Rubric, what: str) -> None:
+    if not rubric.late.per_day:
+        raise UsageError(f"{what} needs `late: {{per_day: 0.1}}` in the rubric")
 
 
 def _points(amount: str, most: float, place: str) -> float | None:
@@ -120,3 +209,74 @@ def _points(amount: str, most: float, place: str) -> float | None:
     if abs(points) > most:
         raise UsageError(f"{place}: {amount} points are more than the item's {most:g}")
     return points
+
+
+def _late(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, Adjustment]:
+    """Return who is late by a table of days, or of times and deadlines; a day begun counts."""
+    is_counted = _LATE_DAYS in lines.columns
+    if not is_counted and not lines.columns.keys() >= {_STUDENT, *_TIMES}:
+        raise UsageError(
+            f"{lines.path}: needs the columns student, days or student, submitted, deadline"
+        )
+    _need(lines, (_STUDENT,))
+    _need_price(rubric, f"{lines.path}:")
+    found: dict[str, Adjustment] = {}
+    for row in lines.table.lines:
+        place = lines.place(row)
+        name = lines.value(row, _STUDENT)
+        days = _days(lines, row, place) if is_counted else _days_after(lines, row, place)
+        if days is None or (not days and not roll.called(name)):
+            continue  # who did not hand in is in the table too
+        student = roll.student(name, place)
+        if student in found:
+            raise UsageError(f"{place}: {student} is in line {found[student].line} too")
+        found[student] = Adjustment("", None, is_change=False, line=lines.line(row), days=days)
+    return found
+
+
+def _days(lines: _Lines, row: int, place: str) -> int | None:
+    days = lines.value(row, _LATE_DAYS).removesuffix("d")
+    if not days:
+        return None
+    if not re.fullmatch(r"[0-9]{1,3}", days, re.ASCII):
+        raise UsageError(f"{place}: '{days}' is not a number of days, such as 0 or 2")
+    return int(days)
+
+
+def _days_after(lines: _Lines, row: int, place: str) -> int | None:
+    """Return how many days after the deadline was submitted, None where no time is given."""
+    submitted, deadline = (lines.value(row, name) for name in _TIMES)
+    if not submitted:
+        return None
+    try:
+        after = _time(submitted, place) - _time(deadline, place)
+    except TypeError as error:
+        raise UsageError(
+            f"{place}: of '{submitted}' and '{deadline}' one has a time zone, the other none"
+        ) from error
+    return max(0, -(-after // _DAY))
+
+
+def _time(text: str, place: str) -> datetime:
+    try:
+        return datetime.fromisoformat(re.sub(r"[Zz]$", "+00:00", text))
+    except ValueError as error:
+        raise UsageError(f"{place}: '{text}' is not a time, such as 2026-11-20 23:59") from error
+
+
+def _dropped(before: _Lines, now: _Lines, roll: _Roll) -> Iterator[str]:
+    """Yield the lines of a table of decisions that the new one has not, as they would stand there.
+
+    A line with the same student and item takes the place of the earlier one.
+    """
+
+    def key(lines: _Lines, row: int) -> tuple[str, str]:
+        name = lines.value(row, _STUDENT)
+        return (",".join(roll.called(name)) or name, lines.value(row, "item"))
+
+    stays = {key(now, row) for row in now.table.lines}
+    for row in before.table.lines:
+        if key(before, row) not in stays:
+            line = io.StringIO(newline="")
+            csv.writer(line).writerow(before.value(row, name) for name in _COLUMNS)
+            yield line.getvalue().rstrip("\r\n")

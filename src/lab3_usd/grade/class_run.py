@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.deliverables.maps import SuppliedMap, supplied_map
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade.adjustments import adjustments_in
+from lab3_usd.grade.adjustments import Tables, decisions_in, dropped_lines
 from lab3_usd.grade.gradebook import (
     Rows,
     check_target,
@@ -48,16 +48,16 @@ class ClassSettings(Struct, frozen=True):
     out. To `resume` without a rubric is to go on by the one that the gradebook keeps, which is the
     lab's where it keeps none. `assets` are folders in which assets of servers lie, by their
     addresses. With `merge_uploads`, what the last upload of a student lacks comes from the ones
-    before. With `force`, the lock of a run that was killed is taken. `adjustments` is a table of
-    what the grader decides by hand; without it those count that the gradebook has. With `maps`, the
-    supplied map or its folder, those handed in are compared.
+    before. With `force`, the lock of a run that was killed is taken. `by_hand` are tables of what
+    the grader decides; without them those count that the gradebook has. With `maps`, the supplied
+    map or its folder, those handed in are compared.
     """
 
     submissions: Path | str
     starter: Path
     out: Path
     rubric: Path | None = None
-    adjustments: Path | None = None
+    by_hand: Tables = Tables()
     maps: Path | None = None
     limits: Limits = field(default_factory=Limits)
     jobs: int = 1
@@ -82,7 +82,7 @@ def grade_class(
         MapError: the supplied map cannot be read.
         SpecError: the rubric is wrong. Nothing has been graded then.
         StageError: the starter cannot be opened.
-        UsageError: there are no submissions, a line of the adjustments is wrong, or the gradebook
+        UsageError: there are no submissions, a line of a table is wrong, or the gradebook
             cannot be written.
     """
     place = local_path(settings.submissions)
@@ -121,7 +121,7 @@ def _graded(
             for submission in find_submissions(location, settings.notify)
         ]
         people = [(submission.student, submission.name) for submission in submissions]
-        by_hand = adjustments_in(settings.out, settings.adjustments, rubric, people)
+        decisions = decisions_in(settings.out, settings.by_hand, rubric, people)
         keep_rubric(settings.out, settings.rubric)
         by_folder = {submission.folder: submission for submission in submissions}
         items = [item.id for item in rubric.items]
@@ -148,8 +148,10 @@ def _graded(
                 _notify_unconfined(answer, notified, settings.notify)
                 _record(settings.out, by_folder[task.folder], salt, answer, rubric)
                 progress(done, len(submissions))
-    if by_hand is not None:
-        adjust(settings.out, submissions, rubric, by_hand)
+    if decisions is not None:
+        adjust(settings.out, submissions, rubric, decisions.by_student)
+        for line in dropped_lines(decisions.dropped):
+            settings.notify(line)
     return write_tables(settings.out, submissions, rubric)
 
 

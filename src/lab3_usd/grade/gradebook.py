@@ -16,7 +16,7 @@ from msgspec import to_builtins
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files, make_folder, write_parts, write_whole
-from lab3_usd.grade.adjustments import ADJUSTMENTS
+from lab3_usd.grade.adjustments import ADJUSTMENTS, LATE, days_text
 from lab3_usd.grade.deductions import reasons
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
@@ -138,7 +138,7 @@ def write_reports(
 STUDENTS, RESULT = "students", "result.json"
 CSV, GRADEBOOK_JSON, PAGE = "grades.csv", "grades.json", "index.html"
 FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go better next time
-_TABLES = (CSV, GRADEBOOK_JSON, PAGE, ADJUSTMENTS, RUBRIC)
+_TABLES = (CSV, GRADEBOOK_JSON, PAGE, ADJUSTMENTS, LATE, RUBRIC)
 _FILES = (HTML, JSON, GRADESCOPE, RESULT)
 _VERSION = 1
 # What `--gradebook` writes beside the tables.
@@ -388,7 +388,9 @@ def _csv_lines(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
     for row in rows:
         earned = {item["id"]: item for item in row["items"]}
         cells = [row["student"], row["name"], *(row.get(key, "") for key in team)]
-        cells += [row["status"], "yes" if row["late"] else ""]
+        days = row.get("days_late")
+        late = "yes" if row["late"] else ""
+        cells += [row["status"], days_text(days) if days or (late and days == 0) else late]
         cells += [_number(row[key]) for key in ("earned", "possible", "percent")]
         for name in names:  # blocked and open items have no points
             has_points = earned[name]["state"] not in {"blocked", "open"}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import re
+from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping
 from pathlib import Path
 
@@ -14,7 +15,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.files import write_whole
-from lab3_usd.grade.adjustments import Adjustment, ByItem, adjustments_in
+from lab3_usd.grade.adjustments import ByItem, Decisions, Tables, days_text, decisions_in
 from lab3_usd.grade.deductions import carried_text
 from lab3_usd.grade.gradebook import (
     GRADESCOPE,
@@ -37,6 +38,7 @@ from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, grade_facts
 from lab3_usd.grade.shared_reports import SHARED, shared_folder, write_shared
 from lab3_usd.model.finding import Report, Submission
+from lab3_usd.model.grade import ADJUSTED, REMARK
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options
@@ -48,12 +50,57 @@ _OF_GRADE = re.compile(
 )
 
 
+_NOTHING = Tables()
+
+
 class ChangedGrade(Struct, frozen=True):
-    """What a student had earned, and has by another rubric; of how many points."""
+    """The grade that a student had, and has by another rubric or other decisions of a grader."""
 
     student: str
-    before: tuple[float, float]
-    after: tuple[float, float]
+    before: Grade
+    after: Grade
+
+    @property
+    def changes(self) -> tuple[str, ...]:
+        """What of it is another: points, days late, remarks."""
+        before, after = self.before, self.after
+        is_other = {
+            "points": (before.earned, before.possible) != (after.earned, after.possible),
+            "days late": (before.days_late or 0) != (after.days_late or 0),
+            "remarks": _words_by_hand(before) != _words_by_hand(after),
+        }
+        return tuple(name for name, is_so in is_other.items() if is_so)
+
+    @property
+    def text(self) -> str:
+        """The change in one line."""
+        before, after = self.before, self.after
+        points = f"{after.earned:.2f} of {after.possible:g}"
+        if "points" in self.changes:
+            gained = f"{after.earned - before.earned:+.2f}"
+            points = f"{before.earned:.2f} of {before.possible:g} -> {points} ({gained})"
+        late = f", {days_text(after.days_late or 0)} late" if "days late" in self.changes else ""
+        remarks = ", other remarks" if "remarks" in self.changes else ""
+        return f"{self.student}: {points}{late}{remarks}"
+
+
+def _words_by_hand(grade: Grade) -> list[str]:
+    words = [*(line.title for line in grade.lost), *grade.because]
+    return [text for text in words if text.startswith((ADJUSTED, REMARK))]
+
+
+class Regrade(Struct, frozen=True):
+    """Whose grades changed, and the lines of an earlier table of decisions that count no longer."""
+
+    changed: tuple[ChangedGrade, ...]
+    dropped: tuple[str, ...] = ()
+
+    @property
+    def counts(self) -> str:
+        """How many changed, and of how many what."""
+        kinds = Counter(kind for grade in self.changed for kind in grade.changes)
+        of_kinds = ", ".join(f"{kind} of {count}" for kind, count in kinds.items())
+        return f"{len(self.changed)} changed{f' ({of_kinds})' if of_kinds else ''}"
 
 
 def student_in(book: Row, name: str) -> Row:
@@ -126,20 +173,20 @@ def regrade(
     out: Path,
     given: Path | None,
     lab: Lab,
-    adjustments: Path | None = None,
+    by_hand: Tables = _NOTHING,
     *,
     force: bool = False,
-) -> list[ChangedGrade]:
+) -> Regrade:
     """Give the students of a gradebook their points by another rubric, and return who changed.
 
     No submission is opened: what was found in it is in the results. Without a rubric `given` that
-    counts by which the gradebook was made. `adjustments` is a table of what the grader decides by
-    hand; without it those count that the gradebook has.
+    counts by which the gradebook was made. `by_hand` are tables of what the grader decides; without
+    them those count that the gradebook has.
 
     Raises:
         SpecError: the rubric is wrong.
-        UsageError: there is no gradebook, or one of an earlier release, or a line of the
-            adjustments is wrong.
+        UsageError: there is no gradebook, or one of an earlier release, or a line of a table
+            is wrong.
     """
     file = rubric_of(out, given)
     rubric = load_rubric(file, lab)
@@ -147,18 +194,18 @@ def regrade(
         students = read_gradebook(out)["students"]
         rows = [_recorded(out, student) for student in students]
         people = [(row["student"], row["name"]) for row, _ in rows]
-        by_hand = adjustments_in(out, adjustments, rubric, people) or {}
+        decisions = decisions_in(out, by_hand, rubric, people) or Decisions({})
         keep_rubric(out, file)
-        changed = [
+        grades = [
             ChangedGrade(
                 row["student"],
-                (row["earned"], row["possible"]),
-                _regraded(out, rubric, row, facts, by_hand.get(row["student"], {})),
+                msgspec.convert(row, Grade),
+                _regraded(out, rubric, row, facts, decisions.by_student.get(row["student"], {})),
             )
             for row, facts in rows
         ]
         write_tables(out, [_submission(row) for row, _ in rows], rubric)
-    return [grade for grade in changed if grade.before != grade.after]
+    return Regrade(tuple(grade for grade in grades if grade.changes), decisions.dropped)
 
 
 def _submission(row: Row) -> StudentSubmission:
@@ -182,7 +229,7 @@ def adjust(
     out: Path,
     submissions: Iterable[StudentSubmission],
     rubric: Rubric,
-    by_hand: Mapping[str, Mapping[str, Adjustment]],
+    by_hand: Mapping[str, ByItem],
 ) -> None:
     """Give the results of a run what the grader decided by hand, where they do not have it yet."""
     for submission in submissions:
@@ -198,13 +245,13 @@ def adjust(
 
 def _regraded(
     out: Path, rubric: Rubric, row: Row, facts: SubmissionFacts, by_hand: ByItem
-) -> tuple[float, float]:
+) -> Grade:
     """Write the points of a student by a rubric, and return them."""
     late = row["late"] or row["student"] in rubric.late.students
     points = grade_facts(rubric, facts, by_hand, late=late)
     # Neither this rubric nor the starter made these findings: --resume judges them again.
     _write_points(out, rubric, row | {"late": late, "salt": ""}, points)
-    return points.earned, points.possible
+    return points
 
 
 def _write_points(out: Path, rubric: Rubric, row: Row, points: Grade) -> None:

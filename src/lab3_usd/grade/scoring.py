@@ -12,7 +12,7 @@ from typing import Literal, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.grade.adjustments import WHOLE, Adjustment
+from lab3_usd.grade.adjustments import WHOLE, Adjustment, days_text
 from lab3_usd.grade.rubric import Cap, Item, Rubric, fits_name
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult, is_among
 from lab3_usd.model.grade import ADJUSTED, REMARK
@@ -101,7 +101,10 @@ class Deduction(Struct, frozen=True):
 
 
 class Grade(Struct, frozen=True):
-    """The points of one submission; `percent` is None where nothing could be judged."""
+    """The points of one submission; `percent` is None where nothing could be judged.
+
+    `days_late` are what the grader says, None where nothing is said.
+    """
 
     items: tuple[ItemGrade, ...]
     lost: tuple[Deduction, ...]
@@ -109,6 +112,7 @@ class Grade(Struct, frozen=True):
     possible: float
     percent: float | None
     because: tuple[str, ...] = ()
+    days_late: int | None = None
 
 
 def facts_of(
@@ -213,23 +217,32 @@ def grade_facts(
             adjusted[item.id], remark = _adjusted(item, graded, by_hand[item.id])
             lost.append(remark)
         lost += _in_cents(item, graded, losses)
+    whole = by_hand.get(WHOLE)
+    days = None if whole is None else whole.days
+    late = late if days is None else days > 0
     total = _total(rubric, {**grades, **adjusted}, tuple(lost), late=late)
-    return total if WHOLE not in by_hand else _decided(rubric, total, by_hand[WHOLE])
+    if late and days is None and rubric.late.per_day:
+        total = replace(total, because=(*total.because, "late, by how many days is not given"))
+    return total if whole is None else _decided(rubric, total, whole)
 
 
 def _decided(rubric: Rubric, total: Grade, by_hand: Adjustment) -> Grade:
     """Return the points of a submission with what a grader decided about it as a whole."""
-    points, because = total.earned, f"{REMARK}{by_hand.text}"
+    points, because = total.earned, list(total.because)
     if by_hand.days:
-        points -= by_hand.days * rubric.late.per_day * total.possible
-        days = f"{by_hand.days} day{'s' * (by_hand.days > 1)}"
-        because = f"late by {days}, each {rubric.late.per_day:.0%}: {by_hand.text}"
-    elif by_hand.points is not None:
-        points = by_hand.points + (points if by_hand.is_change else 0.0)
-        because = f"{ADJUSTED}{by_hand.text} ({points - total.earned:+g} points)"
+        points = max(0.0, points - by_hand.days * rubric.late.per_day * total.possible)
+        because.append(f"late by {days_text(by_hand.days)}, each {rubric.late.per_day:.0%}")
+    if by_hand.points is not None:
+        change = by_hand.points - (0.0 if by_hand.is_change else points)
+        because.append(f"{ADJUSTED}{by_hand.text} ({change:+g} points)")
+        points += change
+    elif by_hand.text:
+        because.append(f"{REMARK}{by_hand.text}")
     earned = total.earned if points == total.earned else _cents(max(0.0, points), total.possible)
     percent = _cents(100 * earned / total.possible, 100.0) if total.possible else None
-    return replace(total, earned=earned, percent=percent, because=(*total.because, because))
+    return replace(
+        total, earned=earned, percent=percent, because=tuple(because), days_late=by_hand.days
+    )
 
 
 def _adjusted(item: Item, graded: ItemGrade, by_hand: Adjustment) -> tuple[ItemGrade, Deduction]:

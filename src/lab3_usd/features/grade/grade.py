@@ -37,6 +37,7 @@ from lab3_usd.features.grade.grading import (
     BoundOptions,
     ExportOptions,
     bound_options,
+    check_export,
     export_options,
 )
 
@@ -67,6 +68,7 @@ class ClassOptions(Struct, frozen=True):
     explain: str | None
     regrade: Path | None
     adjust: Path | None
+    late: Path | None
     cluster: str | None
     insecure_cluster: bool
 
@@ -168,6 +170,10 @@ def _complete_students(
     "--adjust",
     text="Table of student, item, points and text: what you decide by hand.",
 )
+@file_option(
+    "--late",
+    text="Table of student and days, or student, submitted and deadline.",
+)
 @export_options
 @click.option(
     "--cluster", metavar="ADDRESS", help="Dask scheduler whose workers grade: tls://host:port."
@@ -217,9 +223,10 @@ def _check(submissions: str | None, asked: ClassOptions, export: ExportOptions) 
     afterwards = [option for option, value in reading.items() if value is not None]
     if asked.form is not None and afterwards:
         raise UsageError(f"{afterwards[0]} is for a class; --format grades one submission")
-    _check_export(export)
-    if asked.adjust and submissions is None and asked.regrade is None:
-        raise UsageError("--adjust goes with SUBMISSIONS or --regrade, which count the points")
+    check_export(export)
+    for option, table in {"--adjust": asked.adjust, "--late": asked.late}.items():
+        if table and submissions is None and asked.regrade is None:
+            raise UsageError(f"{option} goes with SUBMISSIONS or --regrade, which count the points")
     if submissions is None and not afterwards:
         raise click.MissingParameter(param_type="argument", param_hint="'SUBMISSIONS'")
     if asked.explain is not None and (submissions is not None or asked.regrade is not None):
@@ -251,36 +258,6 @@ def _check_tables(asked: ClassOptions) -> None:
     from lab3_usd.grade.gradebook import TABLES
 
     refuse_inputs(out / name for name in TABLES)
-
-
-def _check_export(export: ExportOptions) -> None:
-    """Refuse what does not go together of an export.
-
-    Raises:
-        UsageError: it does not go together.
-    """
-    from lab3_usd.grade.rosters import PLATFORMS
-
-    if export.gradebook == "gradescope":
-        raise UsageError(
-            "--gradebook gradescope: Gradescope imports no points; give it the results.json of "
-            "--format gradescope"
-        )
-    if export.gradebook not in {None, *PLATFORMS}:
-        names = ", ".join(PLATFORMS)
-        raise UsageError(f"--gradebook {export.gradebook}: is none of {names}")
-    if (export.gradebook is None) != (export.roster is None):
-        raise UsageError("--gradebook and --roster go together: the export names the students")
-    of_exports = {
-        "--column": export.column,
-        "--scale": export.scale,
-        "--map": export.given,
-        "--preview": export.preview,
-        "--feedback": export.feedback,
-    }
-    for option, value in of_exports.items():
-        if value and export.gradebook is None:
-            raise UsageError(f"{option} is for --gradebook PLATFORM with --roster FILE")
 
 
 def _fill_export(platform: str, roster: Path, asked: ClassOptions, options: ExportOptions) -> None:
@@ -328,22 +305,23 @@ def _explain(out: Path, student: str) -> None:
 
 def _regrade(out: Path, asked: ClassOptions) -> None:
     """Give a gradebook the points of a rubric, and say who changed."""
+    from lab3_usd.grade.adjustments import Tables, dropped_lines
     from lab3_usd.grade.regrade import regrade
     from lab3_usd.report.safe_text import printable
     from lab3_usd.spec.load.loader import load_lab
 
-    changed = regrade(out, asked.rubric, load_lab(), asked.adjust, force=asked.force)
-    for grade in changed:
-        (earned, possible), (now, now_possible) = grade.before, grade.after
-        click.echo(
-            f"{printable(grade.student)}: {earned:.2f} of {possible:g} -> "
-            f"{now:.2f} of {now_possible:g} ({now - earned:+.2f})"
-        )
-    click.echo(f"{len(changed)} changed: {out / 'index.html'}")
+    by_hand = Tables(asked.adjust, asked.late)
+    regraded = regrade(out, asked.rubric, load_lab(), by_hand, force=asked.force)
+    for grade in regraded.changed:
+        click.echo(printable(grade.text))
+    for line in dropped_lines(regraded.dropped):
+        _notify(printable(line))
+    click.echo(f"{regraded.counts}: {out / 'index.html'}")
 
 
 def _grade(submissions: str, starter: Path, asked: ClassOptions, bounds: BoundOptions) -> None:
     """Grade a class into a gradebook."""
+    from lab3_usd.grade.adjustments import Tables
     from lab3_usd.grade.class_run import ClassSettings
     from lab3_usd.grade.intake.addresses import is_address
 
@@ -352,7 +330,7 @@ def _grade(submissions: str, starter: Path, asked: ClassOptions, bounds: BoundOp
         starter=starter,
         out=asked.book,
         rubric=asked.rubric,
-        adjustments=asked.adjust,
+        by_hand=Tables(asked.adjust, asked.late),
         maps=asked.maps,
         limits=_limits(bounds),
         jobs=asked.jobs or _processors(),
@@ -436,6 +414,7 @@ def _grade_alone(submission: Path, asked: ClassOptions, bounds: BoundOptions) ->
     """
     of_classes = {
         "--adjust": asked.adjust,
+        "--late": asked.late,
         "--resume": asked.resume,
         "--force": asked.force,
         "--merge-uploads": asked.merge_uploads,

@@ -10,6 +10,7 @@ import click
 from msgspec import Struct
 
 from lab3_usd.commands.shared.options import all_of, file_option, recorded
+from lab3_usd.errors import UsageError
 
 
 class Seconds(click.FloatRange):
@@ -99,3 +100,33 @@ export_options = all_of(
     ),
     recorded("export", ExportOptions),
 )
+
+
+def check_export(export: ExportOptions) -> None:
+    """Refuse what does not go together of an export.
+
+    Raises:
+        UsageError: it does not go together.
+    """
+    from lab3_usd.grade.rosters import PLATFORMS
+
+    if export.gradebook == "gradescope":
+        raise UsageError(
+            "--gradebook gradescope: Gradescope imports no points; give it the results.json of "
+            "--format gradescope"
+        )
+    if export.gradebook not in {None, *PLATFORMS}:
+        names = ", ".join(PLATFORMS)
+        raise UsageError(f"--gradebook {export.gradebook}: is none of {names}")
+    if (export.gradebook is None) != (export.roster is None):
+        raise UsageError("--gradebook and --roster go together: the export names the students")
+    of_exports = {
+        "--column": export.column,
+        "--scale": export.scale,
+        "--map": export.given,
+        "--preview": export.preview,
+        "--feedback": export.feedback,
+    }
+    for option, value in of_exports.items():
+        if value and export.gradebook is None:
+            raise UsageError(f"{option} is for --gradebook PLATFORM with --roster FILE")

@@ -119,7 +119,7 @@ def needing(rows: Rows) -> Iterator[Needing]:
     """Yield the rows that a grader has to look at.
 
     These are by status, with more than one way to read names or folders, with stages that were not
-    judged, late, or with an open item.
+    judged, late by unknown days, or with an open item.
     """
     counts: Counter[str] = Counter()
     first: dict[str, list[Row]] = {}
@@ -128,7 +128,7 @@ def needing(rows: Rows) -> Iterator[Needing]:
             row["status"]: row["status"] != "graded",
             **dict.fromkeys(row.get("attention", ()), True),
             **({_AMBIGUOUS: True} if row.get("may_be") else {}),
-            _LATE: row["late"],
+            _LATE: row["late"] and row.get("days_late") is None,
             _TO_JUDGE: any(item["state"] == "open" for item in row["items"]),
         }
         for what in (what for what, is_so in reasons.items() if is_so):
