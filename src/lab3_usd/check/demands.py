@@ -24,7 +24,8 @@ def with_demand(problem: Problem, subject: Any) -> Problem:
         return _with_tree(problem, subject)
     sections: list[str] = []
     edits: list[Edit] = []
-    for graph in _graphs_of(subject):
+    graphs = subject.graphs if isinstance(subject, StageSubject) else ()
+    for graph in (subject,) if isinstance(subject, GraphSubject) else graphs:
         sections += _sections(problem, graph)
         if problem.property is not None:
             edits += edits_at(graph, f"{problem.prim}.{problem.property}")
@@ -50,12 +51,6 @@ def _with_tree(problem: Problem, view: TfView) -> Problem:
         severity=severity,
         fix=problem.fix or repair,
     )
-
-
-def _graphs_of(subject: Any) -> tuple[GraphSubject, ...]:
-    if isinstance(subject, GraphSubject):
-        return (subject,)
-    return subject.graphs if isinstance(subject, StageSubject) else ()
 
 
 def _sections(problem: Problem, subject: GraphSubject) -> Iterator[str]:

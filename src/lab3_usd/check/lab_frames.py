@@ -423,7 +423,10 @@ def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
         if is_unasked_parent(node, view):
             yield _unasked_parent(node, what, view)
             return
-        problem = _self_problem(node, what, _instead(around, node, view), view)
+        makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
+        required = [home for maker in makers for home in maker.prims.values()]
+        wanted = [*required, *(path for path in listed_targets(node) if path != around)]
+        problem = _self_problem(node, what, wanted, view)
         yield replace(problem, severity="warning", hint=f"name the links, not {around}")
     else:
         yield from (_named_alike(node, pair, view) for pair in pairs)
@@ -446,13 +449,6 @@ def _unasked_parent(node: Node, what: str, view: TfView) -> Problem:
         hint="clear Parent Prim",
         covers=frame_places(frame) if is_lost else (),
     )
-
-
-def _instead(around: str, node: Node, view: TfView) -> list[str]:
-    """Return the targets with every required prim in the place of one that stands for them."""
-    makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
-    required = [home for maker in makers for home in maker.prims.values()]
-    return [*required, *(path for path in listed_targets(node) if path != around)]
 
 
 def _self_problem(node: Node, what: str, wanted: list[str], view: TfView) -> Problem:

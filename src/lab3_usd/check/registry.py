@@ -283,9 +283,10 @@ def rule(  # noqa: PLR0913 - decorators name them
         if namesake != rule_id and namesake in _RULES:
             raise ValueError(f"rule {rule_id}: its name {name} is that of {namesake}")
         if other is not None and _origin(other.check) != _origin(check):
+            code = other.check.__code__
             raise ValueError(
-                f"rule {rule_id} is taken by {other.name} at {_place(other.check)}; "
-                f"{_free_id(rule_id)} is free"
+                f"rule {rule_id} is taken by {other.name} at "
+                f"{code.co_filename}:{code.co_firstlineno}; {_free_id(rule_id)} is free"
             )
         _RULES[rule_id] = Rule(
             rule_id, name, severity, scope, check, "", formerly, demands, counted, needs, parameters
@@ -297,11 +298,6 @@ def rule(  # noqa: PLR0913 - decorators name them
         return check
 
     return register
-
-
-def _place(check: Check) -> str:
-    code = check.__code__
-    return f"{code.co_filename}:{code.co_firstlineno}"
 
 
 def _free_id(rule_id: str) -> str:

@@ -67,17 +67,13 @@ def folded_into_readers(node: Node, stage: StageModel) -> tuple[Edit, ...]:
             if len(kept) < len(state.sources):
                 port = None if reader.type is None else reader.type.port(name)
                 if port is not None and port.is_execution:
-                    kept += _signals(node, stage.platform)
+                    # What triggers the node, whose type another release has.
+                    kind = stage.platform.base.get(node.type_name)
+                    signals = () if kind is None else kind.execution_inputs
+                    kept += [path for signal in signals for path in node.sources(signal)]
                 usd_type = "token" if port is None else port.usd_type
                 edits.append(Connect(reader.path, name, usd_type, tuple(dict.fromkeys(kept))))
     return (*edits, RemovePrim(node.path))
-
-
-def _signals(node: Node, platform: Platform) -> list[str]:
-    """Return what triggers a node of a type that another release has."""
-    kind = platform.base.get(node.type_name)
-    names = () if kind is None else kind.execution_inputs
-    return [path for name in names for path in node.sources(name)]
 
 
 def edits_at(subject: GraphSubject, *properties: str) -> tuple[Edit, ...]:

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 from lab3_usd.check.manual import in_words_of
 from lab3_usd.check.registry import TF, Rule, Scope, holds_without_lab, rules_of
 from lab3_usd.errors import StageError
-from lab3_usd.model.changes import Repair, repair_by
+from lab3_usd.model.changes import repair_by
 from lab3_usd.model.finding import Crash, Finding, NodeCoverage, NotJudged, Problem, Requirement
 from lab3_usd.model.stage import StageModel, once_per_stage
 
@@ -126,11 +126,6 @@ def merge_results(results: Iterable[RuleResults]) -> RuleResults:
     )
 
 
-def _repair(problem: Problem) -> Repair:
-    repair = repair_by(problem.fix)
-    return replace(repair, safe=False) if problem.likely else repair
-
-
 def _part_of(rule: Rule, problem: Problem, lab: Lab | None) -> tuple[str, ...]:
     """Return the part that the rules of a scope are about, wherever their findings stand."""
     if rule.scope == "starter":
@@ -144,6 +139,9 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
     """Stamp the rule's id, name and severity on what it yielded."""
     section = None if lab is None else lab.handout.rules.get(rule.id)
     severity = problem.severity or rule.severity
+    repair = repair_by(problem.fix) if problem.fix and severity != "note" else None
+    if repair is not None and problem.likely:
+        repair = replace(repair, safe=False)
     return Finding(
         rule=rule.id,
         name=rule.name,
@@ -156,7 +154,7 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         handout=problem.handout or section,
         hint=problem.hint or in_words_of(lab, rule.hint) or None,
         related=problem.related,
-        fix=_repair(problem) if problem.fix and severity != "note" else None,
+        fix=repair,
         unopened=problem.unopened,
         unmet=problem.unmet,
         absent=problem.absent,
@@ -209,10 +207,8 @@ def _edit_as_written(edit: Any, written: Mapping[str, Mapping[str, str]]) -> Any
     if getattr(edit, "to", None) in names:
         changes["to"] = names[edit.to]
     if getattr(edit, "sources", ()):
-        changes["sources"] = tuple(_source_as_written(path, written) for path in edit.sources)
+        ends = (path.rpartition(".") for path in edit.sources)
+        changes["sources"] = tuple(
+            f"{prim}.{written.get(prim, {}).get(port, port)}" for prim, _, port in ends
+        )
     return replace(edit, **changes) if changes else edit
-
-
-def _source_as_written(path: str, written: Mapping[str, Mapping[str, str]]) -> str:
-    prim, _, port = path.rpartition(".")
-    return f"{prim}.{written.get(prim, {}).get(port, port)}"

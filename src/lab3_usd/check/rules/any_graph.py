@@ -24,7 +24,6 @@ from lab3_usd.model.stage import (
     OVER,
     GraphModel,
     Node,
-    StageModel,
     absence_reason,
     nodes_outside_graphs,
 )
@@ -227,7 +226,11 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
     for node in subject.nodes():
         for name, state in node.ports.items():
             declared = node.wrong_type(name) if state.usd_type else None
-            if declared is None or node.type is None or not _is_judged(node, name, subject):
+            # Without a lab each value is judged, else one that it asks for.
+            is_judged = isinstance(subject, LintSubject) or any(
+                setting.port == name for setting in subject.spec_of(node).settings
+            )
+            if declared is None or node.type is None or not is_judged:
                 continue
             port = node.type.port(name)
             if port is None:
@@ -241,13 +244,6 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
                 actual=declared,
                 hint=f"delete {title}, add it again from the node list and set its fields",
             )
-
-
-def _is_judged(node: Node, port: str, subject: GraphsSubject) -> bool:
-    """Whether the value of an input is judged: without a lab each, else one that it asks for."""
-    if isinstance(subject, LintSubject):
-        return True
-    return any(setting.port == port for setting in subject.spec_of(node).settings)
 
 
 @rule("K05", "stray-node", scope="lint", severity="warning")
@@ -312,9 +308,12 @@ def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]
             if is_made or subject.stage.prim(path) is not None:
                 continue
             is_one_of_several = len(node.targets(port)) > 1
+            reason = absence_reason(subject.stage, path)
+            if is_placeholder(path, subject.stage):
+                reason = "is the graph itself: no prim uses the graph"
             problem = Problem(
                 node.path,
-                f"{port} names {path}, which {_why_absent(path, subject.stage)}",
+                f"{port} names {path}, which {reason}",
                 property=port,
                 actual=path,
                 severity="warning" if is_one_of_several or is_module else None,
@@ -330,12 +329,6 @@ def _judged_targets(node: Node, subject: GraphsSubject) -> Iterator[tuple[str, s
     asked = {path for target in spec.targets for path in target.prims} if spec else ()
     for port in node.ports if spec is None else spec.frames_from:
         yield from ((port, path) for path in node.targets(port) if path not in asked)
-
-
-def _why_absent(path: str, stage: StageModel) -> str:
-    if is_placeholder(path, stage):
-        return "is the graph itself: no prim uses the graph"
-    return absence_reason(stage, path)
 
 
 @rule("K63", "limit-needs-time-step", scope="lint")

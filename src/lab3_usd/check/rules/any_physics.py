@@ -9,7 +9,6 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import (
@@ -79,7 +78,8 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
     for prim in (*_tied_prims(stage), *_still_shapes(stage)):
         is_asked = prim.present and not {BODY_API, COLLISION_API}.isdisjoint(prim.apis)
         owners = prim.relationships.get(_OWNER, ()) if is_asked else ()
-        if owners and not any(_is_scene(owner, stage) for owner in owners):
+        owning = [owner for owner in map(stage.prim, owners) if owner is not None]
+        if owners and not any(owner.present and owner.type == SCENE for owner in owning):
             lost.setdefault((owners[0], is_body(prim)), []).append(prim)
     for (owner, are_bodies), prims in lost.items():
         kind = "body" if are_bodies else "shape"
@@ -170,11 +170,6 @@ def robot_of_no_scene(subject: StageSubject) -> Iterator[Problem]:
         yield replace(problem, handout=robot and robot.handout, fix=fix, unmet=unmet)
 
 
-def _is_scene(path: str, stage: StageModel) -> bool:
-    prim = stage.prim(path)
-    return prim is not None and prim.present and prim.type == SCENE
-
-
 @rule("K97", "ignored-physics", scope="lint", severity="warning")
 @rule("S27", "physics-not-as-written", scope="stage", severity="warning")
 def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
@@ -223,7 +218,11 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
 def _ignored_masses(prim: Prim, stage: StageModel) -> Iterator[Problem]:
     """Yield what is written of the mass of a prim and has no effect."""
     held = prim.attributes
-    written = {name: _parts(held[name]) for name in _MASSES if name in held}
+    written = {
+        name: numbers(value if isinstance(value, tuple) else (value,))
+        for name, value in held.items()
+        if name in _MASSES
+    }
     for name, parts in written.items():
         if any(part < 0 for part in parts):
             yield Problem(
@@ -246,11 +245,6 @@ def _ignored_masses(prim: Prim, stage: StageModel) -> Iterator[Problem]:
             assumes=tuple((prim.path, name) for name in idle),
             rests_on=stage.unknown(prim.path),
         )
-
-
-def _parts(value: Value) -> list[float]:
-    """Return the numbers of a value, or the one that it is."""
-    return numbers(value if isinstance(value, tuple) else (value,))
 
 
 @once_per_stage

@@ -344,8 +344,11 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
             by_name.setdefault(check.name, []).append((recording, check))
     for name, results in by_name.items():
         recording, check = results[-1]
-        if any(result.verdict != "bad" for _, result in results) or _reached(subject, name):
+        if any(result.verdict != "bad" for _, result in results):
             continue
+        goal, outputs = subject.ros.goal, subject.evidence.goals.get("", ())
+        if name == GOAL and any(e.fact.status == goal.succeeded for e in outputs if goal):
+            continue  # a saved output shows that it was reached
         explained_by = explaining_rule(check)
         yield Problem(
             recording.file,
@@ -356,12 +359,6 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
             hint=f"`{program()} rule {explained_by}` explains such faults; "
             f"`{program()} bag` shows all of it",
         )
-
-
-def _reached(subject: EvidenceSubject, check: str) -> bool:
-    """Whether a saved output shows a goal that succeeded."""
-    goal, outputs = subject.ros.goal, subject.evidence.goals.get("", ())
-    return check == GOAL and any(e.fact.status == goal.succeeded for e in outputs if goal)
 
 
 @rule("E19", "recording-not-read", scope="evidence", severity="warning")

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
-from functools import partial
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import is_equal, shortened
@@ -21,7 +20,7 @@ from lab3_usd.model.folder import (
     Scalar,
     judge_best,
 )
-from lab3_usd.spec.ros import MapFacts, TopicSpec
+from lab3_usd.spec.ros import TopicSpec
 
 _PLAY = "press Play, and check the execution wire and the context of the node that publishes it"
 _DURABILITIES = ("volatile", "transient_local")
@@ -190,13 +189,13 @@ def map_message(subject: EvidenceSubject) -> Iterator[Problem]:
     """
     if subject.facts is None:
         return
-    judge = partial(_wrong_map, subject.facts)
-    yield from _judged(subject, subject.evidence.topic_echo, judge)
+    facts = subject.facts
 
+    def wrong_map(shown: Observation[Message], topic: TopicSpec) -> Iterator[Problem]:
+        expected = {path: getattr(facts, fact) for path, fact in (topic.map_fields or {}).items()}
+        return _differing(shown, topic, expected)
 
-def _wrong_map(facts: MapFacts, shown: Observation[Message], topic: TopicSpec) -> Iterator[Problem]:
-    expected = {path: getattr(facts, fact) for path, fact in (topic.map_fields or {}).items()}
-    yield from _differing(shown, topic, expected)
+    yield from _judged(subject, subject.evidence.topic_echo, wrong_map)
 
 
 def _differing(

@@ -83,6 +83,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
     for frame in sorted(renamed):
         prim, actual = maker.prims[frame], frame_of_prim(maker.prims[frame], stage)
         is_own = prim.endswith(f"/{actual}")
+        hint = f"give {prim} the attribute {NAME_OVERRIDE}, of type string, with the value {frame}"
         yield Problem(
             prim,
             f"the prim's frame is named '{actual}'{'' if is_own else ' by its override'}",
@@ -90,7 +91,7 @@ def _missing_of(maker: FrameSource, missing: list[str], view: TfView) -> Iterato
             expected=frame,
             actual=actual,
             handout=maker.handout,
-            hint=_naming_hint(prim, frame),
+            hint=None if prim.endswith(f"/{frame}") else hint,
             fix=(_naming(prim, frame),),
             covers=frame_places(frame, actual),
         )
@@ -121,12 +122,6 @@ def _naming(prim: str, frame: str) -> Edit:
     if prim.endswith(f"/{frame}"):
         return ClearValue(prim, NAME_OVERRIDE)
     return SetValue(prim, NAME_OVERRIDE, "string", frame)
-
-
-def _naming_hint(prim: str, frame: str) -> str | None:
-    if prim.endswith(f"/{frame}"):
-        return None
-    return f"give {prim} the attribute {NAME_OVERRIDE}, of type string, with the value {frame}"
 
 
 def _why_not_all(maker: FrameSource, missing: list[str], view: TfView) -> str:
@@ -162,16 +157,14 @@ def wrong_parent_frame(view: TfView) -> Iterator[Problem]:
     wrong: dict[tuple[str, str], list[Edge]] = {}
     for parent, child in view.subject.lab.frames.edges:
         edges = view.children.get(child, [])
-        if edges and not any(_is_right(edge, parent, view) for edge in edges):
+        may_be_deeper = parent in view.subject.lab.frames.deeper
+        if edges and not any(
+            edge.parent == parent or (may_be_deeper and _hangs_below(edge, parent, view))
+            for edge in edges
+        ):
             wrong.setdefault((edges[0].cause, edges[0].parent), []).append(edges[0])
     for (cause, actual), edges in wrong.items():
         yield _wrong_parent(cause, actual, edges, view)
-
-
-def _is_right(edge: Edge, parent: str, view: TfView) -> bool:
-    if edge.parent == parent:
-        return True
-    return parent in view.subject.lab.frames.deeper and _hangs_below(edge, parent, view)
 
 
 def _hangs_below(edge: Edge, top: str, view: TfView) -> bool:
@@ -194,7 +187,9 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
     if cause in view.role_specs and prim and frame_of_prim(prim, view.subject.stage) != expected:
         site = (prim, NAME_OVERRIDE)
         fix = (_naming(prim, expected),)
-        assumed = tuple((path, None) for path in _links_named(expected, view))
+        lab = view.subject.lab  # whose links of this frame may be the target, renamed
+        links = [path for robot in lab.scene.robots for path in robot.link_paths]
+        assumed = tuple((path, None) for path in links if lab.frame_of(path) == expected)
     return Problem(
         site[0],
         f"'{actual}' is the parent of {frame_list_text(frames)}, expected '{expected}'",
@@ -214,13 +209,6 @@ def _wrong_parent(cause: str, actual: str, edges: list[Edge], view: TfView) -> P
             ),
         ),
     )
-
-
-def _links_named(frame: str, view: TfView) -> Iterator[str]:
-    """Yield the links of the lab that have this frame: the target may be one of them, renamed."""
-    lab = view.subject.lab
-    for robot in lab.scene.robots:
-        yield from (path for path in robot.link_paths if lab.frame_of(path) == frame)
 
 
 @rule("T20", "lost-frames", scope="requirements", severity="note")

@@ -22,8 +22,7 @@ from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.stalled_nodes import has_side_effects
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.changes import ClearValue
-from lab3_usd.model.finding import Place, Problem
-from lab3_usd.model.stage import Node
+from lab3_usd.model.finding import Problem
 
 
 @rule("K12", "context-missing", scope="lint", severity="warning")
@@ -186,6 +185,8 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
             known = (
                 f"another clock is on {others[0].topic}" if others else "programs listen to /clock"
             )
+            attribute = subject.platform.ros.namespace_attribute  # moves topics of nodes below
+            moving = moving_prims(endpoint.node, subject.stage, subject.live)
             yield Problem(
                 endpoint.node.path,
                 f"publishes a clock on {endpoint.topic}; {known}",
@@ -193,15 +194,8 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
                 expected="/clock",
                 actual=endpoint.topic,
                 related=tuple(other.node.path for other in others),
-                assumes=tuple(_namespaces(endpoint.node, subject)),
+                assumes=tuple((path, attribute) for path, _ in moving),
             )
-
-
-def _namespaces(node: Node, subject: LintSubject) -> Iterator[Place]:
-    """Yield the attributes of prims that put a node's topics into a namespace."""
-    attribute = subject.platform.ros.namespace_attribute
-    moving = moving_prims(node, subject.stage, subject.live)
-    return ((path, attribute) for path, _ in moving)
 
 
 @rule("K45", "system-time", scope="lint", severity="warning")

@@ -51,11 +51,15 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
             unset = f"none of {names} is connected or set" if len(known) > 1 else unset
             wire = likely_wire(node, f"inputs:{known[0]}", subject) if len(known) == 1 else ()
             wire = () if fixed else wire
+            expected = "a wire or a value"
+            if fixed:
+                useful = "a value that changes" if need.changing else "another value"
+                expected = "a value above 0" if need.positive else useful
             yield Problem(
                 node.path,
                 (fixed or unset) + (f": {need.effect}" if is_zero else ""),
                 property=f"inputs:{known[0]}",
-                expected=_wanted(need) if fixed else "a wire or a value",
+                expected=expected,
                 hint=wire_hint(wire),
                 fix=wire,
                 likely=True,
@@ -78,13 +82,6 @@ def _fixed_input(
         if state is not None and state.value not in {None, "", ()}:  # written, and as good as none
             return f"{port} is {display(value)}", True
     return "", True
-
-
-def _wanted(need: Need) -> str:
-    """Say what an input should get that has a useless value."""
-    if need.positive:
-        return "a value above 0"
-    return "a value that changes" if need.changing else "another value"
 
 
 def _has_numbers(node: Node, ports: Iterable[str], subject: LintSubject) -> bool:

@@ -60,12 +60,17 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
                 )
             elif name in joints and is_loose(joints[name], command, subject.stage):
                 joint = joints[name]
+                # A missing asset may tie the bodies of the joint to the robot; below a prim it ties
+                # nothing beside it: USD drops targets outside of what is referred to.
+                tied = (
+                    body for other in joints_at(ends(joint), subject.stage) for body in ends(other)
+                )
                 yield Problem(
                     command.node.path,
                     f"{joint.path} connects no link of the robot: {_ends_of(joint, subject.stage)}",
                     property=command.ports.joints,
                     related=(joint.path,),
-                    rests_on=_unknown_tie(joint, subject.stage),
+                    rests_on=subject.stage.unknown(joint.path, *tied),
                     assumes=((command.node.path, command.port),),
                 )
         yield from _cut_off(command, subject.stage)
@@ -98,15 +103,6 @@ def _ends_of(joint: Prim, stage: StageModel) -> str:
         else f"{name} names nothing"
         for name, path in ends
     )
-
-
-def _unknown_tie(joint: Prim, stage: StageModel) -> UnresolvedAsset | None:
-    """Return the missing asset with a body to which joints tie the bodies of this one.
-
-    An asset below a prim ties nothing beside it: USD drops targets outside of what is referred to.
-    """
-    tied = (body for other in joints_at(ends(joint), stage) for body in ends(other))
-    return stage.unknown(joint.path, *tied)
 
 
 def _joint_numbers(command: Command, subject: LintSubject) -> Iterator[Problem]:

@@ -102,7 +102,9 @@ def _prim_and_property(node: Node, subject: LintSubject) -> Iterator[Problem]:
     prim, name = subject.stage.prim(path), effective_value(node, _PROPERTY, subject.live)
     if prim is None or not isinstance(name, str) or not name or name in _properties(prim):
         return
-    near = _misspelt(name, prim)
+    # A name that is in no file may be of a schema: not every other one is misspelt.
+    ports = {f"{INPUT}{own}": own for own in _properties(prim)}
+    near = ports.get(likely_port(INPUT + name, [*ports]) or "")
     if near or name.startswith(_OF_DRIVES):
         yield Problem(
             node.path,
@@ -112,15 +114,6 @@ def _prim_and_property(node: Node, subject: LintSubject) -> Iterator[Problem]:
             actual=name,
             rests_on=subject.stage.unknown(path),
         )
-
-
-def _misspelt(name: str, prim: Prim) -> str | None:
-    """Return the property of a prim that a name is a misspelling of.
-
-    One that is in no file may be of a schema: not every other name is wrong.
-    """
-    ports = {f"{INPUT}{own}": own for own in _properties(prim)}
-    return ports.get(likely_port(INPUT + name, [*ports]) or "")
 
 
 def _properties(prim: Prim) -> list[str]:

@@ -68,7 +68,10 @@ def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
         for waiting in (node, *products):
             ahead = [*_ahead(waiting, subject)]
             subscriber = next((s for s in ahead if s.type and s.type.role == _SUBSCRIBER), None)
-            if subscriber is not None and not any(_starts(source, subject) for source in ahead):
+            if subscriber is not None and not any(
+                source.type is None or event_of(source, subject.platform) is not None
+                for source in ahead  # which signals by itself, or may
+            ):
                 yield Problem(
                     node.path,
                     f"publishes nothing before the first message of {subscriber.name}, which alone "
@@ -82,11 +85,6 @@ def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
 def _helpers(subject: LintSubject) -> Iterator[Node]:
     helpers = nodes_of(lambda kind: kind.role == _HELPER, subject.stage)
     return (node for node in helpers if subject.runs(node.path))
-
-
-def _starts(node: Node, subject: LintSubject) -> bool:
-    """Whether a node signals by itself, or may."""
-    return event_of(node, subject.platform) is not None or node.type is None
 
 
 def _ahead(node: Node, subject: LintSubject) -> Iterator[Node]:

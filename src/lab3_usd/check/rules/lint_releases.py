@@ -23,7 +23,7 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ClearValue, Edit, RenameProperty, SetValue
 from lab3_usd.model.finding import Problem, display, node_title
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import Node, PortState, Unknown, same_value
+from lab3_usd.model.stage import Node, Unknown, same_value
 
 _LOOK = "nothing is wrong with the stage: see whether it still does what you want"
 
@@ -44,34 +44,29 @@ def gone_setting(subject: LintSubject) -> Iterator[Problem]:
     changes = subject.platform.changes
     for node in subject.live.values():
         gone = {
-            port: known
+            port: change
             for port in node.ports
-            if _is_gone(node, port, subject.platform)
-            and (known := changes.gone(node.type_name, port)) is not None
+            if (node.type is not None and node.type.port(port) is None)
+            and subject.platform.releases_with(node.type_name, port)
+            and (change := changes.gone(node.type_name, port)) is not None
         }
         yield from _without_prim(node, gone)
-        for port, known in gone.items():
-            other = node.state(known.off_for)
-            if not known.off_for or node.ports[port].value is not False or other is None:
+        for port, change in gone.items():
+            other = node.state(change.off_for)
+            if not change.off_for or node.ports[port].value is not False or other is None:
                 continue
             # A path that leads where the node's target does changes nothing.
             aims = {path for name in node.ports for path in node.targets(name)}
             if other.value and other.value not in aims:
                 yield Problem(
                     node.path,
-                    f"{known.off_for} is {display(other.value)}, and {port} no longer turns it "
-                    f"off: {known.by}",
-                    property=known.off_for,
+                    f"{change.off_for} is {display(other.value)}, and {port} no longer turns it "
+                    f"off: {change.by}",
+                    property=change.off_for,
                     actual=display(other.value),
                     expected="no value",
-                    fix=(ClearValue(node.path, known.off_for),),
+                    fix=(ClearValue(node.path, change.off_for),),
                 )
-
-
-def _is_gone(node: Node, port: str, platform: Platform) -> bool:
-    """Whether a port is one of other releases alone."""
-    lacks = node.type is not None and node.type.port(port) is None
-    return lacks and bool(platform.releases_with(node.type_name, port))
 
 
 def _without_prim(node: Node, gone: dict[str, GonePort]) -> Iterator[Problem]:
@@ -204,7 +199,11 @@ def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]
         if node.type is None or then is None or node.path not in used_nodes(subject.stage):
             continue
         for port in node.type.ports:
-            is_open = port.startswith(INPUT) and port in then.ports and _is_open(node.state(port))
+            state = node.state(port)
+            is_open = state is None or (
+                state.value is None and not state.sources and not state.targets
+            )
+            is_open = is_open and port.startswith(INPUT) and port in then.ports
             is_same = same_value(_default(node, port, before), node.value(port))
             if is_open and not is_same and not _is_idle(node, port, subject):
                 key = (node.path.rpartition("/")[0], node.type_name, port)
@@ -236,10 +235,6 @@ def _is_idle(node: Node, port: str, subject: LintSubject) -> bool:
     values = subject.platform.changes.idle.get(node.type_name, {}).get(port, {})
     others = ((effective_value(node, other, subject.live), v) for other, v in values.items())
     return bool(values) and all(found == value for found, value in others)
-
-
-def _is_open(state: PortState | None) -> bool:
-    return state is None or not (state.value is not None or state.sources or state.targets)
 
 
 def _default(node: Node, port: str, platform: Platform) -> Value | None:
@@ -376,15 +371,13 @@ def _means(node: Node, meaning: Meaning, subject: LintSubject) -> bool:
         if asked != ANY and effective_value(node, port, subject.live) != asked:
             return False
     if meaning.port and not any(
-        _is_used(meaning, port, state) for port, state in node.ports.items()
+        fnmatchcase(port, meaning.port)
+        and port not in meaning.but
+        and (state.targets or state.sources)
+        for port, state in node.ports.items()
     ):
         return False
     return not meaning.attributes or _reads_other(node, meaning.attributes, subject)
-
-
-def _is_used(meaning: Meaning, port: str, state: PortState) -> bool:
-    is_asked = fnmatchcase(port, meaning.port) and port not in meaning.but
-    return is_asked and bool(state.targets or state.sources)
 
 
 def _reads_other(node: Node, names: Iterable[str], subject: LintSubject) -> bool:

@@ -30,7 +30,7 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
 from lab3_usd.model.prims import Prim, upwards
-from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
+from lab3_usd.model.stage import Node, StageModel
 
 
 @rule("K60", "no-articulation", scope="lint")
@@ -102,7 +102,11 @@ def odometry_without_body(subject: LintSubject) -> Iterator[Problem]:
     Example: `inputs:chassisPrim` names `/World/robot`, an Xform above the links.
     """
     for odometry in followed_bodies(subject.stage):
-        if not odometry.is_body or _is_empty_root(odometry, subject.stage):
+        body = odometry.body
+        is_empty_root = (  # no body, and an articulation root without joints
+            body is not None and BODY_API not in body.apis and is_empty(body.path, subject.stage)
+        )
+        if not odometry.is_body or is_empty_root:
             yield Problem(
                 odometry.node.path,
                 f"{odometry.port} is {odometry.prim.path}, {_why_no_body(odometry)}",
@@ -112,12 +116,6 @@ def odometry_without_body(subject: LintSubject) -> Iterator[Problem]:
                 rests_on=odometry.unknown,
                 assumes=((odometry.body.path, None),) if odometry.body is not None else (),
             )
-
-
-def _is_empty_root(odometry: Followed, stage: StageModel) -> bool:
-    """Whether what is followed is no body, and an articulation root without joints."""
-    body = odometry.body
-    return body is not None and BODY_API not in body.apis and is_empty(body.path, stage)
 
 
 def _why_no_body(odometry: Followed) -> str:
@@ -315,6 +313,7 @@ def joint_order(subject: LintSubject) -> Iterator[Problem]:
         expected = _in_order(wheels, subject.stage) if len(wheels) in _ORDERS else wheels
         if expected != wheels:
             names = ", ".join(joint.name for joint in wheels)
+            unplaced = (subject.stage.unknown_value(joint, "physics:localPos0") for joint in wheels)
             yield Problem(
                 command.node.path,
                 f"{controller.name} gives the {_ORDERS[len(wheels)]} wheel, but the joint names "
@@ -323,14 +322,8 @@ def joint_order(subject: LintSubject) -> Iterator[Problem]:
                 expected=", ".join(joint.name for joint in expected),
                 actual=names,
                 related=(controller.path,),
-                rests_on=_unplaced(wheels, subject.stage),
+                rests_on=next(filter(None, unplaced), None),
             )
-
-
-def _unplaced(joints: tuple[Prim, ...], stage: StageModel) -> UnresolvedAsset | None:
-    """Return the missing asset that could say where one of some joints sits."""
-    unknown = (stage.unknown_value(joint, "physics:localPos0") for joint in joints)
-    return next(filter(None, unknown), None)
 
 
 _ORDERS = {

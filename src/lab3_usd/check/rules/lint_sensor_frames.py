@@ -121,17 +121,12 @@ def _is_another(prim: Prim, topic: SensorTopic, subject: LintSubject) -> bool:
     is_alike = rotation_difference(axes, others) <= _ALIKE
     if is_alike and unit * distance(start, end) <= _NEAR:
         return False
-    is_pair = topic.reads.turned and prim.type == topic.sensor.type
-    baseline = subject.value(_BASELINE)
-    is_pair = is_pair and is_alike and _is_right_of(start, axes[0], end, unit, baseline)
+    # The right camera of a stereo pair looks the same way, and stands beside the left one.
+    between = scaled(minus(end, start), unit)
+    along = sum(a * b for a, b in zip(between, axes[0], strict=True))
+    is_right = 0 < along <= subject.value(_BASELINE) and length(between) - along <= _NEAR
+    is_pair = topic.reads.turned and prim.type == topic.sensor.type and is_alike and is_right
     return not (is_pair or prim.path in topic.others)
-
-
-def _is_right_of(left: Vector, ahead: Vector, right: Vector, unit: float, baseline: float) -> bool:
-    """Whether a camera stands to the right of one that looks the same way, as in a stereo pair."""
-    between = scaled(minus(right, left), unit)
-    along = sum(a * b for a, b in zip(between, ahead, strict=True))
-    return 0 < along <= baseline and length(between) - along <= _NEAR
 
 
 @rule(

@@ -13,7 +13,7 @@ from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.read_sensors import read_lidars, read_sensors
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
-from lab3_usd.facts.sensor_values import SensorValues, reading_rates, values_of
+from lab3_usd.facts.sensor_values import reading_rates, values_of
 from lab3_usd.facts.stuck_nodes import lost_products, refused_target
 from lab3_usd.isaac.node_types import INPUT, KIND
 from lab3_usd.isaac.release_changes import leads_past
@@ -202,13 +202,14 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
         rates = reading_rates(values, names)
         if rates is not None:
             tick, turns = rates
+            rate = values.attributes.get(names.rate)
             yield Problem(
                 prim.path,
                 f"{names.rate} is {tick:g} while {names.turns} is {turns:g}",
                 property=names.rate if names.rate in prim.attributes else names.turns,
                 expected=f"{turns:g}",
                 actual=f"{tick:g}",
-                fix=_rated(prim, names.rate, values, turns),
+                fix=() if rate is None else (SetValue(prim.path, names.rate, rate.type, turns),),
                 likely=not is_moved,  # before, it was read as often as it turned
                 rests_on=subject.stage.unknown_value(prim, names.rate, names.turns),
             )
@@ -222,11 +223,6 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
                 fix=(SetValue(prim.path, names.whole, "bool", True),),  # noqa: FBT003 - a value
                 likely=True,
             )
-
-
-def _rated(prim: Prim, name: str, values: SensorValues, rate: float) -> tuple[Edit, ...]:
-    said = values.attributes.get(name)
-    return () if said is None else (SetValue(prim.path, name, said.type, rate),)
 
 
 @rule(
@@ -254,14 +250,11 @@ def unused_camera(subject: LintSubject) -> Iterator[Problem]:
         for target in state.targets
     }
     for prim in subject.stage.of_type("Camera"):
-        if prim.present and prim.path not in used and _is_carried(prim, subject):
+        if not prim.present or prim.path in used:
+            continue
+        carriers = (subject.stage.prims.get(path) for path in upwards(prim.parent))
+        if any(carrier is not None and is_body(carrier) for carrier in carriers):
             yield Problem(prim.path, "no node reads this camera")
-
-
-def _is_carried(prim: Prim, subject: LintSubject) -> bool:
-    """Whether a prim moves with a body."""
-    bodies = (subject.stage.prims.get(path) for path in upwards(prim.parent))
-    return any(body is not None and is_body(body) for body in bodies)
 
 
 @rule("K75", "empty-render-product", scope="lint")

@@ -152,7 +152,12 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:type = "depth_image"` on a ROS2 Camera Helper, which offers `depth`.
     """
-    for node in nodes_of(_offers_choices, subject.stage):
+    offering = nodes_of(
+        # One of the inputs that a type grows may take some values only, as its own may.
+        lambda kind: kind.grows or any(port.allowed for port in kind.ports.values()),
+        subject.stage,
+    )
+    for node in offering:
         for name in node.ports:
             port = None if node.type is None else node.type.port(name)
             if port is None or not port.allowed:
@@ -161,7 +166,8 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
             choices = (*port.allowed, *(() if node.type is None else node.type.message))
             if isinstance(value, str) and value not in ("", port.default, *choices):
                 near = likely_name(value, port.allowed)
-                moved = _other_type(node, value, subject) if name == KIND else None
+                types = {} if node.type is None or name != KIND else node.type.moved
+                moved = subject.platform.get(types.get(value, ""))
                 other = None if moved is None else moved.ui_name
                 later = subject.platform.changes.tokens.get(node.type_name, {}).get(name, {})
                 nearest = later.get(value) if near is None and moved is None else None
@@ -180,16 +186,6 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
                     else _becoming(node, moved, subject),
                     likely=nearest is not None,
                 )
-
-
-def _offers_choices(kind: NodeType) -> bool:
-    """Whether an input of a type takes some values only, or one of those that it grows may."""
-    return bool(kind.grows) or any(port.allowed for port in kind.ports.values())
-
-
-def _other_type(node: Node, kind: str, subject: LintSubject) -> NodeType | None:
-    """Return the type of nodes that publishes this kind of messages now."""
-    return None if node.type is None else subject.platform.get(node.type.moved.get(kind, ""))
 
 
 def _becoming(node: Node, kind: NodeType, subject: LintSubject) -> tuple[Edit, ...]:

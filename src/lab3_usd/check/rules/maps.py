@@ -88,8 +88,8 @@ def map_image_path(subject: MapSubject) -> Iterator[Problem]:
     image = subject.values.get("image")
     expected = subject.facts.image
     if not isinstance(image, str) or not image:
-        given = "image" in subject.values
-        message = f"'image' is {_quoted(image)}" if given else "'image' is missing"
+        value = "''" if image == "" else shortened(image)
+        message = f"'image' is {value if 'image' in subject.values else 'missing'}"
         yield Problem(subject.file, message, "image", expected)
     elif subject.image_absolute:
         message = f"'image' is the absolute path '{image}', which exists on one computer only"
@@ -290,10 +290,6 @@ def map_differs(subject: MapSubject) -> Iterator[Problem]:
         actual=f"{subject.shared_walls:.3f}",
         severity="error" if is_other else "note" if is_same else "warning",
     )
-
-
-def _quoted(value: object) -> str:
-    return "''" if value == "" else shortened(value)
 
 
 def _numbers(values: Sequence[float]) -> str:

@@ -273,7 +273,13 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
         if limit is not None and parameter.kind != "string" and not _close(parameter.value, limit):
             message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {limit}"
             yield parameter_problem(subject, parameter, message, expected=str(limit))
-        elif parameter.last in names.speeds and _other_list(parameter.value, wanted):
+        elif (
+            parameter.last in names.speeds
+            and isinstance(parameter.value, list)
+            and (
+                len(parameter.value) != len(wanted) or not all(map(_close, parameter.value, wanted))
+            )
+        ):
             message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {wanted}"
             yield parameter_problem(subject, parameter, message, expected=str(wanted))
 
@@ -492,9 +498,3 @@ def _topic(value: object) -> str:
 
 def _close(value: object, limit: float) -> bool:
     return isinstance(value, (int, float)) and math.isclose(value, limit, rel_tol=1e-6)
-
-
-def _other_list(value: object, wanted: list[float]) -> bool:
-    if not isinstance(value, list):
-        return False
-    return len(value) != len(wanted) or not all(map(_close, value, wanted))

@@ -67,7 +67,11 @@ def missing_node(subject: GraphSubject) -> Iterator[Problem]:
         present = absent.get(spec.role) or in_another_graph(spec, subject)
         reason = ""
         if present is not None:
-            reason = f": {present.path} is {present.reason}{_below(present, subject)}"
+            # An asset that is missing could have brought the node that only an over is left of.
+            is_over = present.reason == OVER
+            lost = subject.stage.unresolved_above(present.path) if is_over else None
+            below = "" if lost is None else f", and {lost.asset} below it cannot be found"
+            reason = f": {present.path} is {present.reason}{below}"
         harmless_note = note_if_harmless(subject, spec.role)
         fix: tuple[Edit, ...] = ()
         if present is None:
@@ -104,12 +108,6 @@ def _missing_with_asset(
         related=tuple(over.path for over in overs),
         hint=f"hand in {asset} beside the stage, or choose File > Collect As in Isaac Sim",
     )
-
-
-def _below(prim: AbsentPrim, subject: GraphSubject) -> str:
-    """Say which asset could have brought the node that only an over is left of."""
-    missing = subject.stage.unresolved_above(prim.path) if prim.reason == OVER else None
-    return "" if missing is None else f", and {missing.asset} below it cannot be found"
 
 
 def _repair_hint(subject: GraphSubject, spec: NodeSpec, prim: AbsentPrim | None) -> str:

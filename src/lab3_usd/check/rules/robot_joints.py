@@ -63,21 +63,18 @@ def described_joint(subject: RobotSubject) -> Iterator[Problem]:
             names = tuple(subject.robot.joints)
             yield _absent(subject, names, subject.robot.path, message)
         return
-    for name, spec in subject.robot.joints.items():
-        prim = find_joint(subject.stage, subject.robot.path, name)
+    robot = subject.robot
+    for name, spec in robot.joints.items():
+        prim = find_joint(subject.stage, robot.path, name)
         if prim is None or not prim.present:
-            place = f"{_home(subject)}/{name}" if prim is None else prim.path
+            # A joint is missing beside the first one that is there, else below the robot.
+            joints = (find_joint(subject.stage, robot.path, joint) for joint in robot.joints)
+            home = next((joint.parent for joint in joints if joint is not None), robot.path)
+            place = f"{home}/{name}" if prim is None else prim.path
             reason = absence_reason(subject.stage, place)
             yield _absent(subject, (name,), place, f"{name} {reason}")
         else:
             yield from _wrong_values(prim, name, spec, subject)
-
-
-def _home(subject: RobotSubject) -> str:
-    """Return the prim that holds the first joint of a robot which is there, else the robot."""
-    robot = subject.robot
-    joints = (find_joint(subject.stage, robot.path, name) for name in robot.joints)
-    return next((joint.parent for joint in joints if joint is not None), robot.path)
 
 
 def _absent(subject: RobotSubject, names: tuple[str, ...], place: str, message: str) -> Problem:
@@ -127,9 +124,12 @@ def _ties(prim: Prim, name: str, spec: JointSpec, robot: RobotSpec) -> Iterator[
         return
     for off in left_out(prim.attributes):
         yield replace(off, text=f"{name} {off.text}")
+    wheels = [robot.path_of(wheel) for wheel in robot.wheels.joints.values()]
     for key, end, link in zip(BODIES, bodies(prim), spec.links, strict=True):
         asked, tied = robot.path_of(link) if link else "", link_of(end, robot)
-        if tied != asked and not _is_of_wheels(end, tied, robot):
+        # Rules about wheels speak of a wheel, and of what is no part of a robot with wheels.
+        is_of_wheels = wheels and (tied in wheels or not is_at_or_below(end, robot.path))
+        if tied != asked and not is_of_wheels:
             text = f"{name} ties {end or _WORLD}, expected {asked or _WORLD}"
             yield JointFault(text, key, asked or _WORLD, end or _WORLD)
     axis = prim.attributes.get(AXIS, USUAL_AXIS)
@@ -138,12 +138,6 @@ def _ties(prim: Prim, name: str, spec: JointSpec, robot: RobotSpec) -> Iterator[
         if prim.type not in DRIVEN_AXES or DRIVEN_AXES[prim.type] == "angular":
             text = f"{name} turns about {axis}, expected {spec.axis}"
         yield JointFault(text, AXIS, spec.axis, str(axis))
-
-
-def _is_of_wheels(end: str, link: str, robot: RobotSpec) -> bool:
-    """Whether rules about wheels speak of an end of a joint: a wheel, or what is no part of it."""
-    wheels = [robot.path_of(wheel) for wheel in robot.wheels.joints.values()]
-    return bool(wheels) and (link in wheels or not is_at_or_below(end, robot.path))
 
 
 def _limits(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[JointFault]:

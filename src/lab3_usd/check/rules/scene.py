@@ -33,17 +33,13 @@ from lab3_usd.model.transforms import (
     vector_text,
 )
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import SceneSpec
 
 
 def _supplied_prims(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     del checkpoint
     for path, handout in demanded_prims(lab).items():
-        yield Demand(_prim_demand(lab.scene, path), f"{path} exists", path, handout)
-
-
-def _prim_demand(scene: SceneSpec, path: str) -> str:
-    return f"{scene.group_of(path)}/prim/{path.rpartition('/')[2]}"
+        demand = f"{lab.scene.group_of(path)}/prim/{path.rpartition('/')[2]}"
+        yield Demand(demand, f"{path} exists", path, handout)
 
 
 @rule("S01", "missing-prim", scope="world", demands=_supplied_prims)

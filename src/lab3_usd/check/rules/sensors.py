@@ -207,7 +207,11 @@ def left_behind_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
                 fix=(Restore(prim.path, ORDER),),
                 unmet=(f"{sensor.group}/{POSITION}",),
             )
-        elif _is_own_body(prim, subject):
+        elif (
+            BODY_API in prim.apis
+            and not is_switched_off(prim, BODY_ENABLED)
+            and not any(prim.path in bodies(joint) for joint in joints(subject.stage))
+        ):
             yield Problem(
                 prim.path,
                 f"{prim.name} is a rigid body of its own: it does not move with its link",
@@ -235,12 +239,6 @@ def enclosed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
                 related=(sensor.prim.path,),
                 fix=(RemovePrim(shape.path),),
             )
-
-
-def _is_own_body(prim: Prim, subject: StageSubject) -> bool:
-    if BODY_API not in prim.apis or is_switched_off(prim, BODY_ENABLED):
-        return False
-    return not any(prim.path in bodies(joint) for joint in joints(subject.stage))
 
 
 def misposed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:

@@ -188,16 +188,14 @@ def kept_default_changed(subject: GraphSubject) -> Iterator[Problem]:
     for fault in subject.wire_faults:
         spec = subject.spec.nodes[subject.roles.role_of[fault.node.path]]
         wired = spec.type.port(fault.port)
-        if wired is not None and fault.kind == "unasked" and _is_kept_from_wires(subject, wired):
+        if wired is None or fault.kind != "unasked":
+            continue
+        # From G on, a rule about topics speaks of profiles.
+        judged_as_topic = subject.checkpoint.topics and _is_profile(wired)
+        if wired.short in subject.lab.policy.keep_default and not judged_as_topic:
             source = short_source(fault.actual)
             problem = _kept_problem(subject, fault.node, spec, wired, f"connected to {source}")
             yield replace(problem, hint=f"delete the wire from {source}")
-
-
-def _is_kept_from_wires(subject: GraphSubject, port: Port) -> bool:
-    """Whether no wire may end here; from G on, a rule about topics speaks of profiles."""
-    judged_as_topic = subject.checkpoint.topics and _is_profile(port)
-    return port.short in subject.lab.policy.keep_default and not judged_as_topic
 
 
 def _is_profile(port: Port) -> bool:
@@ -294,16 +292,12 @@ def _aimed(
     """
     own = subject.lab.platform.graph.ignored_below
     for node, spec in subject.matched:
+        wires = subject.spec.wires_into(spec.role)
+        lacks_source = any(subject.roles.node_of[wire.source.role] is None for wire in wires)
         for port in subject.spec.free_targets[spec.role]:
             prims = tuple(path for path in node.targets(port.name) if not path.startswith(own))
-            if prims and not _lacks_source(subject, spec):
+            if prims and not lacks_source:
                 yield node, spec, port.name, prims
-
-
-def _lacks_source(subject: GraphSubject, spec: NodeSpec) -> bool:
-    """Whether a node is missing that a wire should come from."""
-    wires = subject.spec.wires_into(spec.role)
-    return None in (subject.roles.node_of[wire.source.role] for wire in wires)
 
 
 @rule("P06", "namespace", scope="graph")
@@ -449,9 +443,8 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
             )
     for (path, value), nodes in moved.items():
         if resolved_topic(value) and path not in asked:
-            message = (
-                f"{attribute} is {display(value)}, which moves the topics of {_counted(nodes)}"
-            )
+            named = nodes[0].rpartition("/")[2] if len(nodes) == 1 else f"{len(nodes)} nodes"
+            message = f"{attribute} is {display(value)}, which moves the topics of {named}"
             yield Problem(
                 path,
                 message,
@@ -466,7 +459,3 @@ def namespace_attribute(subject: StageSubject) -> Iterator[Problem]:
                     if not roles.role_of.keys().isdisjoint(nodes)
                 ),
             )
-
-
-def _counted(nodes: list[str]) -> str:
-    return nodes[0].rpartition("/")[2] if len(nodes) == 1 else f"{len(nodes)} nodes"

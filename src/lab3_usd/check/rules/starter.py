@@ -169,20 +169,16 @@ def _changed_prims(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
 def _unmet(prim: str, left: list[Difference], subject: StarterSubject) -> Iterator[str]:
     """Yield what is asked of a wheel whose shape or joint is another than the supplied one."""
     for link, requirement in subject.shaped.items():
-        if prim.startswith(f"{link}/") and any(map(_is_shape, left)):
+        if prim.startswith(f"{link}/") and any(
+            difference.physics and not difference.property.startswith(BINDING)
+            for difference in left  # how a shape grips without its material, S25 and dry runs tell
+        ):
             yield requirement
-    if prim in subject.placed and any(_is_frame(difference.property) for difference in left):
+    if prim in subject.placed and any(
+        difference.property.startswith(("physics:localPos", "physics:localRot"))
+        for difference in left
+    ):
         yield subject.placed[prim]
-
-
-def _is_shape(difference: Difference) -> bool:
-    """Whether a shape is another one; how it grips without its material, S25 and dry runs tell."""
-    return difference.physics and not difference.property.startswith(BINDING)
-
-
-def _is_frame(name: str) -> bool:
-    """Whether a property of a joint says where it sits in one of its bodies."""
-    return name.startswith(("physics:localPos", "physics:localRot"))
 
 
 def _repair(prim: str, difference: Difference, subject: StarterSubject) -> tuple[Edit, ...]:

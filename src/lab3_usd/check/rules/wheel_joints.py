@@ -213,7 +213,12 @@ def second_wheel_joint(subject: RobotSubject) -> Iterator[Problem]:
     lab = subject.lab
     section = lab.handout.behind("S23", subject.robot.wheels.handout)
     for joint in joints(subject.stage):
-        tied = [] if joint in own else [wheel for wheel in wheels if _ties(joint, wheel)]
+        tied = [
+            wheel
+            for wheel in (() if joint in own else wheels)
+            # At both ends of a joint, a wheel would be tied to itself.
+            if sum(is_at_or_below(end, wheel.link) for end in bodies(joint)) == 1
+        ]
         for wheel in [wheel for wheel in tied if _may_turn(wheel, subject)][:1]:
             holder = next((end for end in bodies(joint) if not is_at_or_below(end, wheel.link)), "")
             tie_text = f"{joint.name} connects {wheel.link} to {holder or 'the world'}"
@@ -228,11 +233,6 @@ def second_wheel_joint(subject: RobotSubject) -> Iterator[Problem]:
                 fix=(RemovePrim(joint.path),),
                 unmet=(f"{subject.robot.group}/joint/{wheel.name}",),
             )
-
-
-def _ties(joint: Prim, wheel: WheelJoint) -> bool:
-    """Whether the wheel is at one end of a joint; at both ends it would be tied to itself."""
-    return [is_at_or_below(end, wheel.link) for end in bodies(joint)].count(True) == 1
 
 
 def _may_turn(wheel: WheelJoint, subject: RobotSubject) -> bool:
