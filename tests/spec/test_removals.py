@@ -80,6 +80,28 @@ def test_what_was_not_removed_is_said_at_its_place(folder: Path, tmp_path: Path)
     assert found(folder, late) == [("S35", scan), ("S35", CRATE)]
 
 
+@pytest.mark.parametrize(
+    ("names", "handout", "section"),
+    [
+        (f"{{B4: [Scan], Task 6.1: [{CRATE}]}}", "", "Task 6.1"),
+        (f"[{CRATE}]", "handout: {rules: {S35: Task 6.2}}\n", "Task 6.2"),
+        (f"[{CRATE}]", "", "A1"),
+    ],
+)
+def test_the_section_is_the_one_that_the_lecturer_names(
+    tmp_path: Path, names: str, handout: str, section: str
+) -> None:
+    lab = lab_that_removes(tmp_path / "lab", names)
+    points = lab / "checkpoints.yaml"
+    points.write_text(handout + points.read_text())
+    assert invoke("--lab", lab, "build", "--out", lab / "built", "--only", "6").exit_code == 0
+    late = stage_of(lab, 6).with_name("Week5_7_topics.usda")
+    stage_of(lab, 6).rename(late)
+    told = json.loads(invoke("--lab", lab, "check", late, "--format", "json").output)
+    sections = {each["prim"]: each["handout"] for each in told["results"][0]["findings"]}
+    assert sections[CRATE] == section
+
+
 def test_what_is_removed_too_early_is_missing(folder: Path, tmp_path: Path) -> None:
     early = tmp_path / stage_of(folder, 6).name
     stage = Usd.Stage.Open(str(stage_of(folder, 6)))

@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import shutil
 from collections.abc import Callable
+from copy import deepcopy
 from pathlib import Path
 
 import pytest
+import yaml
 from invoking import invoke
 from msgspec.structs import replace
 from places import REPOSITORY
@@ -86,6 +88,70 @@ def test_the_sensor_of_an_optional_milestone_may_be_a_target(optional: Path) -> 
         stage.GetPrimAtPath(LINKS).GetRelationship("inputs:targetPrims").AddTarget(IMU)
 
     assert findings(optional, "odometry", with_imu) == []
+
+
+FRAME = "/World/Jetbot/ImuFrame"
+
+
+@pytest.fixture(scope="module")
+def extra_frame(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """The lab whose tree is asked for before an optional milestone that adds the frame Imu."""
+    folder = tmp_path_factory.mktemp("optional") / "lab"
+    shutil.copytree(JETBOT, folder)
+    graph = yaml.safe_load((folder / "Odometry.yaml").read_text())
+    nodes, wires = graph["nodes"], graph["wires"]
+    own = {role: deepcopy(nodes[role]) for role in ("tick", "context", "time", "links")}
+    own["publish_links"] = deepcopy(nodes["publish_links"])
+    (*_, imu) = own["links"]["targets"]["targetPrims"]
+    own["links"]["targets"]["targetPrims"] = [imu]
+    nodes["links"]["targets"]["targetPrims"].remove(imu)
+    ends = [
+        wire for wire in wires if {end.partition(".")[0] for end in wire.split(" -> ")} <= {*own}
+    ]
+    parts = {
+        "ImuFrame": {
+            "graph": "ImuFrame",
+            "path": FRAME,
+            "handout": "E1",
+            "nodes": own,
+            "wires": ends,
+        }
+    }
+    for name, data in {"Odometry": graph, **parts}.items():
+        (folder / f"{name}.yaml").write_text(yaml.safe_dump(data, sort_keys=False))
+    points = yaml.safe_load((folder / "checkpoints.yaml").read_text())
+    entries = points["checkpoints"]
+    entries["4"]["adds"] |= {"graphs": ["Scan", "Odometry"], "frames": True}
+    entries["5"] |= {
+        "optional": True,
+        "adds": {"sensors": ["imu"], "graphs": ["Measure", "ImuFrame"]},
+    }
+    entries["6"]["adds"] = {}
+    (folder / "checkpoints.yaml").write_text(yaml.safe_dump(points, sort_keys=False))
+    made = invoke("--lab", folder, "build", "--out", folder / "built")
+    assert made.exit_code == 0, made.output
+    return folder
+
+
+@pytest.mark.parametrize("name", ["lidar", "imu", "odometry"])
+def test_the_tree_is_that_of_the_milestones_that_are_asked_for(
+    extra_frame: Path, name: str
+) -> None:
+    assert findings(extra_frame, name, nothing) == []
+
+
+def test_who_did_an_optional_milestone_is_not_faulted_for_it_later(extra_frame: Path) -> None:
+    (done,) = (extra_frame / "built").glob("*imu.usda")
+    (later,) = (extra_frame / "built").glob("*topics.usda")
+    shutil.copyfile(done, later)
+    assert findings(extra_frame, "topics", nothing) == []
+
+
+def test_the_frame_of_an_optional_milestone_is_judged_there(extra_frame: Path) -> None:
+    def without_imu(stage: Usd.Stage) -> None:
+        stage.GetPrimAtPath(f"{FRAME}/links").GetRelationship("inputs:targetPrims").SetTargets([])
+
+    assert [found.rule for found in findings(extra_frame, "imu", without_imu)] == ["T01"]
 
 
 def test_a_long_list_of_targets_is_told_by_what_differs() -> None:

@@ -57,12 +57,20 @@ class Handout(Struct, frozen=True, forbid_unknown_fields=True):
         return {part: f"{part}." if part[-1:].isdigit() else part for part in self.sections}
 
 
+class Removal(Struct, frozen=True):
+    """What a checkpoint takes away, and the section that asks for it, '' where none is named."""
+
+    path: str
+    handout: str = ""
+
+
 class Checkpoint(Struct, frozen=True):
     """One checkpoint: its number, file name without ending, and everything it must hold.
 
-    `graphs` and `sensors` are cumulative; `new` names the graphs this checkpoint adds, `removed`
-    are the paths of what was there and is to be gone, `silent` the topics that go with it. `key` is
-    how the files of the lab refer to it.
+    `graphs` and `sensors` are cumulative; `new` names the graphs this checkpoint adds,
+    `removals` are what was there and is to be gone, `silent` the topics that go with it. `unsent`
+    are frames of the tree that none of its graphs sends. `key` is how the files of the lab refer to
+    it.
     """
 
     id: str
@@ -78,8 +86,14 @@ class Checkpoint(Struct, frozen=True):
     localization: bool = False
     key: str = ""
     optional: bool = False
-    removed: tuple[str, ...] = ()
+    removals: tuple[Removal, ...] = ()
     silent: frozenset[str] = frozenset()
+    unsent: frozenset[str] = frozenset()
+
+    @property
+    def removed(self) -> tuple[str, ...]:
+        """The paths of what is to be gone."""
+        return tuple(removal.path for removal in self.removals)
 
     def is_removed(self, path: str) -> bool:
         """Whether a prim is to be gone."""
@@ -421,7 +435,7 @@ def _at(lab: Lab, checkpoint: str) -> Lab:
         if any(earlier[role] is not node for role, node in there.nodes.items()):
             there = replace(there, nodes=earlier)
         graphs[name] = there
-    frames = {lab.frame_of(path) for path in skipped}
+    frames = {*map(lab.frame_of, skipped), *lab.checkpoints[checkpoint].unsent}
     left = lab.frames.without(frames)
     if graphs == lab.graphs and len(left.edges) == len(lab.frames.edges):
         return lab

@@ -8,13 +8,17 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.model.changes import RemovePrim
 from lab3_usd.model.finding import Problem
-from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.lab import Checkpoint, Lab, Removal
 
 
 def _absences(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
-    for path in checkpoint.removed:
-        handout = lab.scene.stage.handout
-        yield Demand(f"Scene/removed{path}", f"{path} is removed", path, handout, part="world")
+    for gone in checkpoint.removals:
+        name, title = f"Scene/removed{gone.path}", f"{gone.path} is removed"
+        yield Demand(name, title, gone.path, _section(gone, lab), part="world")
+
+
+def _section(gone: Removal, lab: Lab) -> str:
+    return gone.handout or lab.handout.behind("S35", lab.scene.stage.handout)
 
 
 @rule("S35", "not-removed", scope="stage", demands=_absences, needs="removals")
@@ -27,15 +31,15 @@ def not_removed(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `{next_graph}`, which a later part replaces.
     """
-    for path in subject.checkpoint.removed:
-        prim = subject.stage.prim(path)
+    for gone in subject.checkpoint.removals:
+        path, prim = gone.path, subject.stage.prim(gone.path)
         if prim is not None:
             yield Problem(
                 path,
                 f"{path} is there, expected to be removed",
                 expected="removed",
                 actual=prim.type or "a prim",
-                handout=subject.lab.scene.stage.handout,
+                handout=_section(gone, subject.lab),
                 fix=(RemovePrim(path),),
                 unmet=(f"Scene/removed{path}",),
             )

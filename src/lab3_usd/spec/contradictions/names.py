@@ -224,7 +224,7 @@ _FRAME_COMMAND = "tf2_echo"
 
 def frame_contradictions(lab: Lab) -> Iterator[LabFault]:
     """Yield what contradicts the TF tree, where a checkpoint asks for it."""
-    if not lab.checkpoints[lab.last].frames:
+    if not any(point.frames for point in lab.checkpoints.values()):
         return
     given = list(graph_frames(lab))
     yield from _double_parents(lab)
@@ -277,9 +277,10 @@ def _forbidden(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
 
 
 def _too_early_frames(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
-    """Yield that the tree is asked for before the graph that publishes a part of it."""
+    """Yield that the tree is asked for before the graph of a part that may not be left out."""
     first = next(point for point in lab.checkpoints.values() if point.frames)
-    there = {f"{name}.yaml" for name in first.graphs}
+    optional = (point.new for point in lab.checkpoints.values() if point.optional)
+    there = {f"{name}.yaml" for name in sum(optional, first.graphs)}
     for _, child in lab.frames.edges:
         makers = [frame for frame in given if frame.child == child]
         if makers and not any(frame.file in there for frame in makers):

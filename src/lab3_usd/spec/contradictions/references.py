@@ -251,6 +251,9 @@ def _section_references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     yield from ((CHECKPOINTS, _BY_HAND, section) for section in lab.handout.by_hand)
     for rule, section in lab.handout.rules.items():
         yield CHECKPOINTS, f"{RULES}: {rule}", section
+    for point in lab.checkpoints.values():
+        key = f"checkpoints: '{lab.key_of(point.id)}': removes"
+        yield from ((CHECKPOINTS, key, gone.handout) for gone in point.removals if gone.handout)
     parts = {
         SCENE: to_builtins(lab.scene),
         ROS: to_builtins(lab.ros),

@@ -19,6 +19,7 @@ from lab3_usd.spec.lab import (
     Lab,
     LocalizationSpec,
     Policy,
+    Removal,
 )
 from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
 from lab3_usd.spec.scene import PropSpec, SceneSpec
@@ -53,8 +54,9 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
 
     `files` inserts `id` and `name` for {id} and {name}; {team} is what each team writes there.
     `id` is the key unless given. The stage of an `optional` one need not be handed in, and later
-    ones ask for nothing that it adds. What it `removes` is no longer there: graphs and sensors of
-    earlier ones by name, supplied prims by path (`removes: [Scan, /World/Room/Crate]`).
+    ones ask for nothing that it adds, nor for its frames. What it `removes` is no longer there:
+    graphs and sensors of earlier ones by name, supplied prims by path (`removes: [Scan,
+    /World/Room/Crate]`), all in a section of the handout (`removes: {B4: [...]}`).
     """
 
     GONE: ClassVar[Mapping[str, str]] = {
@@ -67,7 +69,13 @@ class CheckpointEntry(Struct, forbid_unknown_fields=True):
     adds: _Additions
     id: str = ""
     optional: bool = False
-    removes: tuple[str, ...] = ()
+    removes: dict[str, tuple[str, ...]] | tuple[str, ...] = ()
+
+    @property
+    def removals(self) -> tuple[Removal, ...]:
+        """What is to be gone, by name or path."""
+        listed = self.removes if isinstance(self.removes, dict) else {"": self.removes}
+        return tuple(Removal(name, section) for section, names in listed.items() for name in names)
 
 
 class CheckpointsFile(Struct, forbid_unknown_fields=True):
@@ -171,7 +179,7 @@ def accumulate(
         where = f"{CHECKPOINTS}: checkpoint '{key}'"
         _check_known(entry.adds.graphs, tuple(graphs), f"{where}: graphs")
         _check_known(entry.adds.sensors, sensors, f"{where}: sensors")
-        _check_removable(entry.removes, previous, f"{where}: removes")
+        _check_removable((gone.path for gone in entry.removals), previous, f"{where}: removes")
         checkpoint = _checkpoint(key, entry, content.files, previous)
         _check_new(checkpoint, found.values(), where)
         found[checkpoint.id] = checkpoint
@@ -195,22 +203,27 @@ def _checkpoint(key: str, entry: CheckpointEntry, files: str, previous: Checkpoi
         topics=previous.topics or adds.topics,
         localization=previous.localization or adds.localization,
         optional=entry.optional,
-        removed=(*previous.removed, *entry.removes),
+        removals=(*previous.removals, *entry.removals),
     )
 
 
 def _kept(names: Iterable[str], entry: CheckpointEntry) -> tuple[str, ...]:
-    return tuple(name for name in names if name not in entry.removes)
+    gone = {removal.path for removal in entry.removals}
+    return tuple(name for name in names if name not in gone)
 
 
 def removals(
     checkpoints: Mapping[str, Checkpoint], graphs: Mapping[str, GraphSpec], scene: SceneSpec
 ) -> dict[str, Checkpoint]:
     """Return the checkpoints with the paths of what they have removed instead of names."""
+
+    def at_path(removal: Removal) -> Removal:
+        return replace(removal, path=paths.get(removal.path, removal.path))
+
     paths = {name: graph.path for name, graph in graphs.items()}
     paths |= {name: sensor.path for name, sensor in scene.sensors.items()}
     return {
-        key: replace(point, removed=tuple(paths.get(name, name) for name in point.removed))
+        key: replace(point, removals=tuple(map(at_path, point.removals)))
         for key, point in checkpoints.items()
     }
 

@@ -15,7 +15,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import typed_value
 from lab3_usd.spec import ros
-from lab3_usd.spec.contradictions.names import graph_topics
+from lab3_usd.spec.contradictions.names import graph_frames, graph_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, Policy
 from lab3_usd.spec.load.checkpoints import (
@@ -323,7 +323,7 @@ def _assembled(folder: Path, platform: Platform, team: str) -> Lab:
         by_team=tuple(file for file, data in written.items() if files[file] != data),
         team=team,
     )
-    lab = by_ids(_with_silence(_with_starter(lab)))
+    lab = _with_silence(by_ids(_with_starter(lab)))
     return replace(lab, points=_points(folder / RUBRIC, lab))
 
 
@@ -350,15 +350,27 @@ def _with_starter(lab: Lab) -> Lab:
 
 
 def _with_silence(lab: Lab) -> Lab:
-    """Return a lab whose checkpoints know the topics of the graphs that they have removed."""
+    """Return a lab whose checkpoints know the topics and frames of graphs that they do not have.
+
+    Those topics were removed; the frames are also those of optional checkpoints and of later ones.
+    """
     topics: dict[str, set[str]] = {}
     for topic in graph_topics(lab):
         topics.setdefault(topic.graph, set()).add(topic.name)
-    points = {}
+    points, frames = {}, {frame.child for frame in graph_frames(lab)}
     for key, point in lab.checkpoints.items():
         there = [topics.get(name, set()) for name in point.graphs]
         gone = [topics.get(n, set()) for n, g in lab.graphs.items() if point.is_removed(g.path)]
-        points[key] = replace(point, silent=frozenset().union(*gone).difference(*there))
+        reached = ("", *lab.reached(key))
+        own = {}
+        for name in point.graphs:
+            nodes = lab.graphs[name].nodes.items()
+            own[name] = lab.graphs[name].without([r for r, n in nodes if n.since not in reached])
+        points[key] = replace(
+            point,
+            silent=frozenset().union(*gone).difference(*there),
+            unsent=frozenset(frames - {f.child for f in graph_frames(replace(lab, graphs=own))}),
+        )
     return replace(lab, checkpoints=points)
 
 
