@@ -54,8 +54,7 @@ def _with_line(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     for module in (data, loader, scene):
         monkeypatch.setattr(module, "data_folder", folder)
     # What other tests have loaded stays as it is.
-    for name in ("_bundled", "_compiled"):
-        monkeypatch.setattr(loader, name, cache(getattr(loader, name).__wrapped__))
+    monkeypatch.setattr(loader, "_bundled", cache(loader._bundled.__wrapped__))
 
 
 def said(*arguments: object) -> str:

@@ -17,8 +17,7 @@ from lab3_usd.errors import SpecError
 from lab3_usd.isaac.load.platform import assemble_platform
 from lab3_usd.isaac.node_types import Port
 from lab3_usd.pipeline.any_stage import lint_platform
-from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.compiled import FILE, compiled_or_loaded
+from lab3_usd.spec.load.compiled import compiled_or_loaded
 from lab3_usd.spec.load.loader import assemble, load_lab, load_platform
 
 TYPES = load_platform()
@@ -226,22 +225,6 @@ def test_a_role_is_given_to_a_type_of_any_file(folder: Path, kind: str, output: 
     roles = folder / "roles.yaml"
     roles.write_text(f"{roles.read_text()}\n{kind}: {{sizes: {{{output}: 3}}}}\n")
     assert assemble_platform(folder).types[kind].sizes == {f"outputs:{output}": 3}
-
-
-def test_a_platform_is_read_without_its_lab(folder: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr(sys, "dont_write_bytecode", False)
-    lab = compiled_or_loaded(folder.parent, assemble).lab()
-    kept = folder.parent / "__pycache__" / FILE
-    monkeypatch.setattr(Lab, "__init__", None)  # which no reading of the platform may need
-
-    def refuse(folder: Path) -> Lab:
-        raise AssertionError(folder)
-
-    assert kept.is_file()
-    again = compiled_or_loaded(folder.parent, refuse).platform
-    # Types that were read twice are never equal as objects.
-    assert repr({**again.types}) == repr({**lab.platform.types})
-    assert again.needs == lab.platform.needs
 
 
 def test_a_change_of_the_labs_types_is_read_anew(

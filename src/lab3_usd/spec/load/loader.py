@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 from lab3_usd.data import data_folder, own_lab, own_team, program
 from lab3_usd.errors import SpecError, UnknownTeamError
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.spec.load.compiled import PLATFORM, Compiled, compiled_or_loaded
+from lab3_usd.spec.load.compiled import PLATFORM, compiled_or_loaded
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
@@ -68,17 +68,12 @@ def load_platform(folder: Path | None = None) -> Platform:
     """
     bundled = data_folder("graphs")
     folder = folder or own_lab() or bundled
-    return _compiled(bundled).platform if folder == bundled else _own_platform(folder)
-
-
-@lru_cache(maxsize=1)
-def _compiled(folder: Path) -> Compiled:
-    return compiled_or_loaded(folder, _load)
+    return _bundled(bundled).platform if folder == bundled else _own_platform(folder)
 
 
 @lru_cache(maxsize=1)
 def _bundled(folder: Path) -> Lab:
-    return _compiled(folder).lab()
+    return compiled_or_loaded(folder, _load)
 
 
 @lru_cache(maxsize=4)
@@ -94,13 +89,13 @@ def _platform_of(folder: Path) -> Platform:
     bundled = data_folder("graphs")
     release = _release_of(folder) if folder != bundled else ""
     if not own.exists() and not system.is_dir():
-        platform = _compiled(bundled).platform
+        platform = _bundled(bundled).platform
         return _in_release(platform, release)
     from lab3_usd.isaac.load.lab_types import with_lab_types
     from lab3_usd.isaac.load.platform import assemble_platform
     from lab3_usd.yaml_file import read_yaml
 
-    base = assemble_platform(system) if system.is_dir() else _compiled(bundled).platform
+    base = assemble_platform(system) if system.is_dir() else _bundled(bundled).platform
     types = read_yaml(own if own.exists() else bundled / CATALOG)
     return with_lab_types(_in_release(base, release), types, CATALOG)
 
