@@ -252,6 +252,68 @@ def test_a_milestone_that_is_not_there_is_named_where_a_thing_comes_from_it(fold
         load_lab(folder / "lab")
 
 
+# What `lab check` says of props: what is written instead, its words, and the text at its place.
+DESCRIBED = {
+    "a target": (
+        ("[/Hall/Looks/Steel]}", "[/Hall/Looks/Stel]}"),
+        "'/Hall/Looks/Stel' is not a prim, '/Hall/Looks/Steel' is",
+        "/Hall/Looks/Stel",
+    ),
+    "a path that nothing makes": (
+        ("junk: {", "foot: {path: /Hall/Bnch, handout: B2, from: furnished}\n  junk: {"),
+        "'/Hall/Bnch' is not a prim, '/Hall/Bench' is; `build` makes what has a `type`",
+        "/Hall/Bnch",
+    ),
+    "an asset": (
+        ("props/bench.usda", "props/banch.usda"),
+        "there is no file 'props/banch.usda', 'props/bench.usda' is there",
+        "props/banch.usda",
+    ),
+    "a schema": (
+        ("[PhysicsCollisionAPI, Mat", "[PhysicsColisionAPI, Mat"),
+        "racks: apis: 'PhysicsColisionAPI' is not known, 'PhysicsCollisionAPI' is",
+        "PhysicsColisionAPI",
+    ),
+    "an attribute": (
+        ('"inputs:intensity": 900.0', '"inputs:intensty": 900.0'),
+        "'inputs:intensty' is not known to USD here, did you mean inputs:intensity?",
+        '"inputs:intensty"',
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", DESCRIBED)
+def test_a_mistake_in_the_description_is_said_at_its_place(folder: Path, mistake: str) -> None:
+    (written, instead), told, pointed = DESCRIBED[mistake]
+    scene = folder / "lab" / "scene.yaml"
+    (folder / "props").rename(folder / "lab" / "props")
+    scene.write_text(scene.read_text().replace(written, instead, 1))
+    (said,) = _said_of_props(folder)
+    assert told in said
+    file, number, column = said.rpartition(", at ")[2].rsplit(":", 2)
+    text = Path(file).read_text().splitlines()[int(number) - 1][int(column) - 1 :]
+    assert text.startswith(pointed), (said, text)
+
+
+def _said_of_props(folder: Path, *options: str | Path) -> list[str]:
+    try:
+        lines = invoke("lab", "check", folder / "lab", *options).output.splitlines()
+    except SpecError as error:
+        return [str(error)]
+    return [line for line in lines if "props: " in line and "bench_legs" not in line]
+
+
+def test_nothing_is_said_of_things_that_agree(folder: Path) -> None:
+    assert _said_of_props(folder, "--from", folder / "hall_furnished.usda") == []
+
+
+def test_another_asset_than_that_of_a_stage_is_said(folder: Path) -> None:
+    scene = folder / "lab" / "scene.yaml"
+    scene.write_text(scene.read_text().replace("props/bench.usda", "props/banch.usda"))
+    (said,) = _said_of_props(folder, "--from", folder / "hall_furnished.usda")
+    assert "/Hall/Bench does not refer to 'props/banch.usda', but to './props/bench.usda'" in said
+
+
 def test_nothing_is_built_under_a_name_that_no_prim_can_have() -> None:
     assert PropSpec("/Hall/Rack_*/*", handout="", count=2).places(()) == ()
 

@@ -42,8 +42,8 @@ def described_faults(lab: Lab) -> Iterator[LabFault]:
             build_files(lab, None, dict(plan), BuildOptions())
         except SpecError as error:
             raise located(error, lab.folder) from error
-        for misnomer in misnomers(next(iter(plan)), _prim_types(lab.platform)):
-            yield _misspelt(misnomer, lab)
+        names = misnomers(next(iter(plan)), _prim_types(lab.platform))
+        yield from dict.fromkeys(_misspelt(misnomer, lab) for misnomer in names)
         sites: set[tuple[str, str | None]] = set()
         for path, point in plan.items():
             findings = [*check_stage(path, point.id, lab).findings]
@@ -93,8 +93,25 @@ def _prim_types(platform: Platform) -> frozenset[str]:
 def _misspelt(misnomer: Misnomer, lab: Lab) -> LabFault:
     message = f"'{misnomer.written}' is not known, '{misnomer.meant}' is"
     what = misnomer.property or "type"
+    key = _key_of_prop(lab, misnomer.prim, misnomer.written)
+    if key:
+        return LabFault(SCENE, key, message, severity="warning")
     file = _file_with(lab, misnomer.prim)
     return LabFault(file, f"{misnomer.prim}: {what}", message, severity="warning")
+
+
+def _key_of_prop(lab: Lab, prim: str, part: str) -> str:
+    """Return the keys of a thing of the scene that names this of a prim, '' where none does.
+
+    That is its type, a schema, a value or a relationship; of its path and number, the prim itself.
+    """
+    for name, prop in lab.scene.props.items():
+        named = {prop.path: "path", prop.type: "type", **dict.fromkeys(prop.apis, "apis")}
+        named |= {key: f"targets: {key}" for key in prop.targets}
+        named |= {key: f"set: {key}" for key in prop.values}
+        if part in named and (prop.stands_at(prim) or prop.path == prim):
+            return f"props: {name}: {named[part]}"
+    return ""
 
 
 def _file_with(lab: Lab, prim: str) -> str:
@@ -115,5 +132,8 @@ def _fault(finding: Finding, point: Checkpoint, lab: Lab) -> LabFault:
         if stands_within(finding.prim, graph.path):
             file, key = file_of(graph), finding.prim.removeprefix(graph.path).lstrip("/") or "graph"
             name = (finding.property or "").rpartition(":")[2]
+    if finding.rule == "S36":
+        of_prop = _key_of_prop(lab, finding.prim, finding.property or finding.prim)
+        file, key, name = (SCENE, of_prop, "") if of_prop else (file, key, name)
     other = f"{finding.rule}, in the stage that is built for checkpoint {lab.key_of(point.id)}"
     return LabFault(file, f"{key}: {name}" if name else key, finding.message, other, "warning")

@@ -16,7 +16,7 @@ _ALIKE = 0.85
 
 
 class Misnomer(Struct, frozen=True):
-    """A name of a prim's type, or of a property, that is likely misspelt; `meant` is known."""
+    """A name of a type, schema or property that is likely misspelt; `meant` is known."""
 
     prim: str
     property: str
@@ -40,6 +40,10 @@ def misnomers(path: Path, types: Collection[str]) -> Iterator[Misnomer]:
         if meant is not None:
             yield Misnomer(place, "", kind, meant)
             continue
+        for name in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+            meant = likely_api(name)
+            if meant is not None:
+                yield Misnomer(place, "apis", name, meant)
         for name in prim.GetAuthoredPropertyNames():
             meant = likely_property(prim, name)
             if meant is not None:
@@ -65,6 +69,28 @@ def likely_property(prim: Usd.Prim, name: str) -> str | None:
     if name in names:
         return None
     return next(iter(get_close_matches(name, names, 1, _ALIKE)), None)
+
+
+def likely_api(name: str) -> str | None:
+    """Return the applied schema that is like a name which USD does not have, with its instance.
+
+    Of those that begin as Isaac Sim's own do, USD knows none.
+    """
+    stem, colon, instance = name.partition(":")
+    if stem in _own_apis() or stem.startswith(_OF_ISAAC):
+        return None
+    meant = next(iter(get_close_matches(stem, sorted(_own_apis()), 1, _ALIKE)), None)
+    return None if meant is None else f"{meant}{colon}{instance}"
+
+
+_OF_ISAAC = ("Physx", "Isaac", "Omni")
+
+
+@cache
+def _own_apis() -> frozenset[str]:
+    registry = Usd.SchemaRegistry()
+    kinds = Tf.Type.FindByName("UsdAPISchemaBase").GetAllDerivedTypes()
+    return frozenset(str(registry.GetSchemaTypeName(kind)) for kind in kinds)
 
 
 @cache

@@ -120,7 +120,8 @@ def _known(path: Path, lab: Lab) -> KnownScene:
     stage = read_stage(path, lab.platform)
     prims = frozenset(name for name, prim in stage.prims.items() if prim.present)
     open_below = tuple(f"{asset.prim.rstrip('/')}/" for asset in stage.unresolved)
-    return KnownScene(path.name, prims, open_below)
+    assets = {name: prim.assets for name, prim in stage.prims.items() if prim.assets}
+    return KnownScene(path.name, prims, open_below, assets)
 
 
 def _judge(stage: Path, step: Step, lab: Lab) -> bool:

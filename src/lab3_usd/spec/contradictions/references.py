@@ -25,7 +25,8 @@ from lab3_usd.spec.contradictions.names import (
     nearest_name,
     topic_faults,
 )
-from lab3_usd.spec.contradictions.scene import KnownScene, scene_faults
+from lab3_usd.spec.contradictions.props import prop_faults
+from lab3_usd.spec.contradictions.scene import KnownScene, known_scenes, scene_faults
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.positions import written_place
@@ -318,6 +319,7 @@ def _all_faults(lab: Lab, stages: Sequence[KnownScene]) -> Iterator[LabFault]:
     yield from rubric_faults(lab)
     yield from section_faults(lab)
     yield from scene_faults(lab, stages)
+    yield from prop_faults(lab, known_scenes(lab, stages))
     yield from _unused_files(lab)
 
 

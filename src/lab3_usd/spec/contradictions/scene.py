@@ -17,11 +17,24 @@ from lab3_usd.yaml_file import read_yaml
 
 
 class KnownScene(Struct, frozen=True):
-    """A scene by the paths of its prims; unknown: what is below `open_below`."""
+    """A scene by the paths of its prims; unknown: what is below `open_below`.
+
+    `assets` are those that prims of a stage refer to, by their paths.
+    """
 
     name: str
     prims: frozenset[str]
     open_below: tuple[str, ...] = ()
+    assets: Mapping[str, tuple[str, ...]] = {}
+
+
+def known_scenes(lab: Lab, stages: Sequence[KnownScene]) -> tuple[KnownScene, ...]:
+    """Return the lab's own starter, where it describes one, and stages of the lab.
+
+    Raises:
+        SpecError: the description of the starter is no YAML.
+    """
+    return (*_starter_scene(lab), *stages)
 
 
 def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFault]:
@@ -48,7 +61,7 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
     yield from _sensor_faults(lab)
     yield from _misspelt_scans(lab)
     yield from _unequal_sensors(lab)
-    scenes = (*_starter_scene(lab), *stages)
+    scenes = known_scenes(lab, stages)
     yield from _target_faults(lab, scenes)
     yield from _absent_parts(lab, scenes)
     yield from _misspelled_parents(lab, scenes)

@@ -39,7 +39,10 @@ class AttributeSpec(Struct, frozen=True):
 
 
 class PrimSpec(Struct, frozen=True):
-    """One prim of the starter; an `over` is a library that other prims refer to."""
+    """One prim to write; an `over` is a library that other prims refer to.
+
+    `site` is where its values stand in the lab, by file and keys.
+    """
 
     path: str
     type: str = ""
@@ -50,6 +53,7 @@ class PrimSpec(Struct, frozen=True):
     pose: PoseSpec | None = None
     attributes: tuple[AttributeSpec, ...] = ()
     targets: tuple[tuple[str, tuple[str, ...]], ...] = ()
+    site: str = ""
 
 
 class PrimEntry(Struct, forbid_unknown_fields=True):
@@ -163,6 +167,7 @@ def _prims(
             raise SpecError(f"{where}: 'type' is missing")
         yield PrimSpec(
             path=path,
+            site=where,
             type="" if prim.over else prim.type,
             doc=prim.doc,
             apis=prim.apis,

@@ -17,7 +17,7 @@ from lab3_usd.files import make_folder, temporary_beside
 from lab3_usd.model.changes import AddGraph
 from lab3_usd.model.physics import MASS
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
+from lab3_usd.spec.lab import SCENE, Checkpoint, Lab, articulated_at_roots
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec
 from lab3_usd.spec.submission import example_of
@@ -221,12 +221,12 @@ def _checkpoint_layers(
 
 def _author_props(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint) -> None:
     """Make the things that come with a checkpoint and have a path of their own."""
-    props = lab.props_at(checkpoint).values()
-    new = [prop for prop in props if prop.since == checkpoint.id]
+    props = lab.props_at(checkpoint).items()
+    new = {name: prop for name, prop in props if prop.since == checkpoint.id}
     if not new:
         return
     stage = Usd.Stage.Open(layer)
-    for prop in new:
+    for key, prop in new.items():
         values = (
             (name, v if isinstance(v, Mapping) else {"value": v}) for name, v in prop.values.items()
         )
@@ -239,6 +239,7 @@ def _author_props(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint) -> None:
                 apis=prop.apis,
                 attributes=attributes,
                 targets=tuple(prop.targets.items()),
+                site=f"{SCENE}: props: {key}: set",
             )
             write_prim(stage, spec, lab.scene.stage.meters_per_unit)
             if prop.asset:

@@ -12,12 +12,12 @@ from lab3_usd.data import lab_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.model.prims import upwards
-from lab3_usd.spec.lab import STARTER, Lab
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spec
 from lab3_usd.spec.scene import ArticulationSpec, RobotSpec
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.schema_names import likely_property, likely_schema
+from lab3_usd.stage.schema_names import likely_api, likely_property, likely_schema
 from lab3_usd.stage.write.graphs import quaternion, usd_value
 
 _BODY = "PhysicsRigidBodyAPI"
@@ -204,7 +204,7 @@ def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
         xform.AddOrientOp(double).Set(quaternion(spec.pose.rotate))
         xform.AddScaleOp(double).Set(Gf.Vec3d(spec.pose.scale))
     for attribute in spec.attributes:
-        _write_attribute(prim, attribute)
+        _write_attribute(prim, attribute, spec.site)
     for name, paths in spec.targets:
         prim.CreateRelationship(name, custom=False).SetTargets([Sdf.Path(path) for path in paths])
     if prim.IsA(UsdGeom.Boundable):  # how far it reaches, which readers would have to work out
@@ -214,8 +214,8 @@ def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
             boundable.CreateExtentAttr([corner + Gf.Vec3f(0.0) for corner in extent])
 
 
-def _write_attribute(prim: Usd.Prim, spec: AttributeSpec) -> None:
-    site = f"{STARTER}: {prim.GetPath()}: {spec.name}"
+def _write_attribute(prim: Usd.Prim, spec: AttributeSpec, place: str) -> None:
+    site = f"{place}: '{spec.name}'"
     if spec.type is None:
         attribute = prim.GetAttribute(spec.name)
     else:  # of a schema that only Isaac Sim has, worded as in a text layer
@@ -241,5 +241,9 @@ def _advice(prim: Usd.Prim, name: str) -> str:
     meant = likely_schema(str(prim.GetTypeName()), ())
     if meant is not None:
         return f"nor is the type '{prim.GetTypeName()}'; did you mean {meant}?"
+    for api in prim.GetPrimTypeInfo().GetAppliedAPISchemas():
+        applied = likely_api(api)
+        if applied is not None:
+            return f"nor is the schema '{api}'; did you mean {applied}?"
     alike = likely_property(prim, name)
     return f"did you mean {alike}?" if alike else "give its type as well"
