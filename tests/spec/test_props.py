@@ -12,7 +12,7 @@ from pxr import Sdf, Usd
 from lab3_usd.errors import SpecError
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.scene import PropSpec
+from lab3_usd.spec.props import PropSpec
 
 HALL = """#usda 1.0
 (

@@ -33,7 +33,8 @@ class Prim(Struct, eq=False):
     """A prim that is not a node.
 
     `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
-    `attributes` holds the values that rules ask about, `relationships` their targets. `local`
+    `attributes` holds the values that rules ask about, `relationships` their targets, and what an
+    attribute that a lab describes is connected to. `local`
     and `world` are transforms in stage units, None where the prim has no place. One that is
     `placeless` is no Xformable: it stands where its parent does, and is no body. `assets` are what
     it refers to, as layers name it.

@@ -14,6 +14,7 @@ from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, are_alike
 from lab3_usd.model.build import Build
+from lab3_usd.model.details import Details
 from lab3_usd.model.prims import (
     Colliders,
     NameFilter,
@@ -294,8 +295,7 @@ class StageModel(Struct, frozen=True, eq=False):
     nodes, which the stage only overrides; they are read where an asset is missing.
     `old_types` are in the order in which Isaac Sim opens the stage. `build` is how a script made
     the stage, None for a file; `scene` reads a file as a dry run does.
-    `fallback` is the value that the schema of a prim gives an attribute without one, by their path
-    and name; None for none.
+    `details` tells of prims what few rules ask.
     """
 
     platform: Platform
@@ -318,7 +318,7 @@ class StageModel(Struct, frozen=True, eq=False):
     old_types: tuple[OldType, ...] = ()
     build: Build | None = None
     scene: Callable[[], Scene] | None = None
-    fallback: Callable[[str, str], Value | None] = lambda _, __: None
+    details: Details = field(default_factory=Details)
     derived: dict[Hashable, Any] = field(default_factory=dict)
     judged: dict[Hashable, Any] = field(default_factory=dict)
 

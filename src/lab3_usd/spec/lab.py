@@ -14,8 +14,9 @@ from msgspec.structs import replace
 
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
+from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.ros import FROM_THE_FIRST, RosSpec, TopicSpec
-from lab3_usd.spec.scene import PropSpec, RobotSpec, SceneSpec, SensorSpec, stands_within
+from lab3_usd.spec.scene import RobotSpec, SceneSpec, SensorSpec, stands_within
 from lab3_usd.spec.submission import SubmissionSpec
 
 CATALOG = "node_types.yaml"
@@ -364,7 +365,7 @@ class Lab(Struct, frozen=True, eq=False):
         topics = tuple(self.topics_until(checkpoint.id))
         graphs = self.at(checkpoint.id).graphs
         asked = tuple((name, tuple(graphs[name].nodes.values())) for name in checkpoint.graphs)
-        removed = (checkpoint.removed, *self.props_at(checkpoint))
+        removed = (checkpoint.removed, *self.props_at(checkpoint).items())
         return (asked, checkpoint.sensors, topics, flags, may_have_driven, is_first, removed)
 
     def at(self, checkpoint: str) -> Lab:
@@ -404,7 +405,10 @@ class Lab(Struct, frozen=True, eq=False):
         known = (FROM_THE_FIRST, *self.reached(checkpoint.id))
         props = self.scene.props.items()
         there = ((name, prop) for name, prop in props if prop.since in known)
-        return {name: prop for name, prop in there if not checkpoint.is_removed(prop.path)}
+        order = [*self.checkpoints]
+        coming = order[order.index(checkpoint.id) :]
+        kept = ((name, prop) for name, prop in there if not checkpoint.is_removed(prop.path))
+        return {name: prop.before(coming) for name, prop in kept}
 
     def topics_until(self, checkpoint: str) -> dict[str, TopicSpec]:
         """Return the topics that are there by a checkpoint."""

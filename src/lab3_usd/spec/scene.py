@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
-from fnmatch import fnmatchcase
+from collections.abc import Mapping
 from functools import cached_property
-from typing import Annotated, Any, ClassVar, Literal
+from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta, Struct
 
 from lab3_usd.spec.ros import MapFacts
+
+if TYPE_CHECKING:
+    from lab3_usd.spec.props import PropSpec
 
 Number = Annotated[float, Meta(ge=-1e9, le=1e9)]  # finite, and no room is larger
 Positive = Annotated[float, Meta(ge=0, le=1e9)]
@@ -361,71 +363,6 @@ class SensorSpec(Struct, frozen=True, forbid_unknown_fields=True):
         return {
             name: attribute for name, attribute in self.attributes.items() if attribute.required
         }
-
-
-class PropSpec(
-    Struct, frozen=True, forbid_unknown_fields=True, rename={"since": "from", "values": "set"}
-):
-    """Things of a scene, by a path with `*`: `count` of them, at least one without it.
-
-    They have `apis`, `targets` and values (`set`, as USD has them): `racks: {path: /Hall/Rack_*,
-    count: 4, apis: ["SemanticsLabelsAPI:class"], targets: {"material:binding": [/Hall/Steel]}, set:
-    {"semantics:labels:class": {type: "token[]", value: [rack]}}}`. They refer to the `asset`, named
-    by the end of its path (`props/rack.usd`), which can be found if they are `resolved`. A material
-    may be bound above them. `build` makes those `from` a checkpoint on, or completes what is there.
-    """
-
-    path: str
-    handout: str
-    type: str = ""
-    count: int | None = None
-    apis: tuple[str, ...] = ()
-    targets: Mapping[str, tuple[str, ...]] = {}
-    values: Mapping[str, Any] = {}
-    asset: str = ""
-    resolved: bool = False
-    since: str = ""
-
-    def __post_init__(self) -> None:
-        """Refuse a path that no prim can have, and a number of things that one path cannot."""
-        start, *names = self.path.split("/")
-        if start or not names or not all(names):
-            raise ValueError(f"path: {self.path!r} is not the absolute path of a prim")
-        if (self.count or 0) > 1 and "*" not in self.path:
-            raise ValueError(f"count: {self.count} things have one path, {self.path}, without a *")
-
-    def refers(self, assets: Iterable[str]) -> bool:
-        """Whether one of these is the asset."""
-        asked = self.asset.removeprefix("./")
-        return any(f"/{asset}".endswith(f"/{asked}") for asset in assets)
-
-    def stands_at(self, path: str) -> bool:
-        """Whether a prim is one of them: `*` stands for letters of one name."""
-        pattern, names = self.path.split("/"), path.split("/")
-        return len(pattern) == len(names) and all(map(fnmatchcase, names, pattern))
-
-    def places(self, there: Iterable[str]) -> tuple[str, ...]:
-        """Return the paths of the things: those that are there, and numbered ones up to `count`."""
-        found = [path for path in there if self.stands_at(path)]
-        numbers = range(1, 1 + (self.count or (0 if found else 1)))
-        made = (self.path.replace("*", str(number)) for number in numbers)
-        can_be = [
-            path for path in dict.fromkeys(made) if all(map(str.isidentifier, path.split("/")[1:]))
-        ]
-        free = [path for path in can_be if path not in found]
-        lacking = len(free) if self.count is None else max(0, self.count - len(found))
-        return (*found, *free[:lacking])
-
-    @property
-    def plain_values(self) -> dict[str, Any]:
-        """The values by name, without their types."""
-        return {name: _plain(value) for name, value in self.values.items()}
-
-
-def _plain(value: Any) -> Any:
-    """Return a value as it is read of a stage, without the type that stands beside it."""
-    value = value["value"] if isinstance(value, Mapping) else value
-    return tuple(map(_plain, value)) if isinstance(value, (list, tuple)) else value
 
 
 class SceneSpec(Struct, frozen=True):

@@ -2,17 +2,20 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Mapping
+
+from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ApplySchema, Edit, Restore
-from lab3_usd.model.finding import Problem, display, format_paths
+from lab3_usd.model.finding import Problem, Severity, display, format_paths
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import StageModel, same_value
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import PropSpec
+from lab3_usd.spec.props import PlaceSpec, PropSpec, is_named
 
 
 def _things(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -35,6 +38,7 @@ def _parts(prop: PropSpec) -> Iterator[tuple[str, str]]:
     yield from ((api, "is applied") for api in prop.apis)
     yield from ((name, format_paths(paths)) for name, paths in prop.targets.items())
     yield from ((name, display(value)) for name, value in prop.plain_values.items())
+    yield from [(_PLACE, _place_text(prop.place))] if prop.place is not None else ()
 
 
 @rule("S36", "prop", scope="stage", demands=_things, needs="props")
@@ -130,50 +134,173 @@ def _wrong_parts(name: str, spec: PropSpec, prim: Prim, subject: StageSubject) -
         message = f"{prim.name} refers to {actual}, expected {spec.asset}"
         unmet = (_demand(name, _ASSET),)
         yield Problem(prim.path, message, None, spec.asset, actual, spec.handout, unmet=unmet)
-    for part, wanted, actual, fix in _differences(spec, prim, subject.stage):
+    for fault in _faults(spec, prim, subject.stage):
+        is_error = fault.severity != "warning"
         yield Problem(
             prim.path,
-            f"{part} of {prim.name} is {actual}, expected {wanted}",
-            part,
-            wanted,
-            actual,
+            fault.message
+            or f"{fault.part} of {prim.name} is {fault.actual}, expected {fault.wanted}",
+            None if fault.part == _PLACE else fault.part,
+            fault.wanted,
+            fault.actual,
             spec.handout,
-            fix=(fix,),
-            unmet=(_demand(name, part),),
+            severity=fault.severity,
+            hint=fault.hint,
+            fix=fault.fix,
+            unmet=(_demand(name, fault.part),) if is_error else (),
             rests_on=subject.stage.unknown(prim.path),
         )
 
 
-_ASSET, _BINDING, _LABELS = "asset", "material:binding", "semantics:labels:"
+_ASSET, _BINDING, _LABELS, _PLACE = "asset", "material:binding", "semantics:labels:", "place"
+_BINDING_API, _VISIBILITY, _HIDDEN = "MaterialBindingAPI", "visibility", "invisible"
+
+
+class _Fault(Struct, frozen=True):
+    """What a thing has otherwise: the part, what it should be and is, and the repair."""
+
+    part: str
+    wanted: str
+    actual: str
+    fix: tuple[Edit, ...] = ()
+    message: str = ""
+    hint: str | None = None
+    severity: Severity | None = None
+
+
+def _faults(spec: PropSpec, prim: Prim, stage: StageModel) -> Iterator[_Fault]:
+    for api in spec.apis:
+        if api not in prim.apis:
+            yield _Fault(api, "applied", "missing", (ApplySchema(prim.path, api),))
+    for name, paths in spec.relationships.items():
+        yield from _wrong_targets(name, paths, prim, stage)
+        if name.startswith(_BINDING) and _BINDING_API not in spec.apis:
+            yield from _bare_bindings(name, prim, stage)
+    for name, paths in spec.connections.items():
+        actual = prim.relationships.get(name, ())
+        if set(actual) != set(paths):
+            wanted, found = format_paths(paths), format_paths(actual) if actual else "nothing"
+            message = f"{name} of {prim.name} is connected to {found}, expected {wanted}"
+            yield _Fault(name, wanted, found, (Restore(prim.path, name),), message)
+    for name, value in spec.plain_values.items():
+        if name == _VISIBILITY:
+            yield from _wrong_visibility(value, prim, stage)
+        else:
+            yield from _wrong_value(name, value, spec.types.get(name, ""), prim, stage)
+    if spec.place is not None:
+        yield from _wrong_place(spec.place, prim, stage)
+
+
+def _wrong_targets(
+    name: str, paths: tuple[str, ...], prim: Prim, stage: StageModel
+) -> Iterator[_Fault]:
+    """Yield a relationship that leads elsewhere; a material counts that USD takes for the prim."""
+    above = _binding(name, prim, stage) if name.startswith(_BINDING) else prim
+    actual = () if above is None else above.relationships.get(name, ())
+    if name.startswith(_BINDING):
+        material = stage.details.material(prim.path, name)
+        actual = (material,) if material else actual
+    if set(actual) != set(paths):
+        fix = (Restore(prim.path, name),)
+        yield _Fault(name, format_paths(paths), format_paths(actual), fix)
+
+
+def _binding(name: str, prim: Prim, stage: StageModel) -> Prim | None:
+    """Return the nearest prim, itself or above, at which a relationship leads somewhere."""
+    prims = (stage.prim(path) for path in upwards(prim.path))
+    return next((each for each in prims if each and each.relationships.get(name)), None)
+
+
+def _bare_bindings(name: str, prim: Prim, stage: StageModel) -> Iterator[_Fault]:
+    """Yield a binding without its schema.
+
+    USD takes it and warns of it, unless the variable USD_SHADE_MATERIAL_BINDING_API_CHECK is
+    `strict`; usdchecker calls it an error (pxr/usd/usdShade/materialBindingAPI.cpp).
+    """
+    site = _binding(name, prim, stage)
+    if site is not None and _BINDING_API not in site.apis:
+        message = f"{site.name} binds a material without {_BINDING_API}, which usdchecker refuses"
+        fix = (ApplySchema(site.path, _BINDING_API),)
+        hint = f"apply {_BINDING_API} to {site.path}"
+        yield _Fault(name, "applied", "missing", fix, message, hint, "warning")
+
+
+def _wrong_visibility(wanted: Value, prim: Prim, stage: StageModel) -> Iterator[_Fault]:
+    """Yield a thing that is hidden, itself or with what is above it, or one that is not."""
+    prims = (stage.prim(path) for path in upwards(prim.path))
+    hiding = next((p for p in prims if p and p.attributes.get(_VISIBILITY) == _HIDDEN), None)
+    if (hiding is not None) == (wanted == _HIDDEN):
+        return
+    if hiding is None or hiding is prim:
+        actual = display("inherited" if hiding is None else _HIDDEN)
+        yield _Fault(_VISIBILITY, display(wanted), actual, (Restore(prim.path, _VISIBILITY),))
+    else:
+        message = f"{prim.name} is hidden by {hiding.path}, whose visibility is {_HIDDEN}"
+        hint = f"set the visibility of {hiding.path} to inherited"
+        yield _Fault(_VISIBILITY, display(wanted), _HIDDEN, message=message, hint=hint)
+
+
+def _wrong_value(
+    name: str, wanted: Value, kind: str, prim: Prim, stage: StageModel
+) -> Iterator[_Fault]:
+    value = prim.attributes.get(name)
+    types = stage.details.other_type(prim.path, name, kind) if value is not None else None
+    if types is not None:
+        written, read = types
+        message = f"{name} of {prim.name} is written as {written}, and is read as {read}"
+        yield _Fault(name, read, written, (Restore(prim.path, name),), message)
+        return
+    value = stage.details.fallback(prim.path, name) if value is None else value
+    is_set = name.startswith(_LABELS)
+    pair = (_in_order(value), _in_order(wanted)) if is_set else (value, wanted)
+    is_file = isinstance(wanted, str) and stage.details.is_file(prim.path, name)
+    is_right = is_file and is_named(str(wanted), str(value))
+    if not is_right and not same_value(*pair, near_zero=1e-6):
+        yield _Fault(
+            name,
+            display(wanted),
+            display(value),
+            (Restore(prim.path, name),),
+            f"{name} of {prim.name} is {display(value)}, expected {display(wanted)}"
+            f"{_in_units(name, stage)}",
+        )
+
+
+_LENGTHS = re.compile(
+    r"xformOp:translate|(inputs:)?(radius|width|height|length)|size|clippingRange|focusDistance"
+    r"|physics:(gravityMagnitude|centerOfMass|localPos[01])"
+)
+_UNITS = {0.01: "centimetres", 0.001: "millimetres", 0.0254: "inches"}
+
+
+def _in_units(name: str, stage: StageModel) -> str:
+    """Return the unit of a value of USD where it is a length and the stage is not in metres."""
+    metres = stage.meters_per_unit
+    if metres == 1 or _LENGTHS.match(name) is None:
+        return ""
+    return f" {_UNITS.get(metres, f'units of {metres:g} m')}"
 
 
 def _in_order(labels: Value | None) -> Value | None:
     return tuple(sorted(labels, key=str)) if isinstance(labels, tuple) else labels
 
 
-def _bound(prim: Prim, name: str, stage: StageModel) -> tuple[str, ...]:
-    """Return the targets of a relationship; a material is also that of the nearest prim above."""
-    paths = upwards(prim.path) if name.startswith(_BINDING) else (prim.path,)
-    found = (stage.prim(path) for path in paths)
-    targets = (each.relationships.get(name, ()) for each in found if each is not None)
-    return next(filter(None, targets), ())
+def _wrong_place(place: PlaceSpec, prim: Prim, stage: StageModel) -> Iterator[_Fault]:
+    """Yield a thing that stands elsewhere in the world, along the axes that are asked for."""
+    origin = stage.details.origin(prim.path)
+    if origin is None or all(
+        abs(origin[axis] - wanted) <= place.within for axis, wanted in place.axes.items()
+    ):
+        return
+    asked = _place_text(place)
+    found = ", ".join(f"{_AXES[axis]} {round(origin[axis], 4) + 0.0:g}" for axis in place.axes)
+    message = f"{prim.name} stands at {found} in the world, expected {asked}"
+    yield _Fault(_PLACE, asked, f"{found} m", (), message, f"move {prim.path} there")
 
 
-def _differences(
-    spec: PropSpec, prim: Prim, stage: StageModel
-) -> Iterator[tuple[str, str, str, Edit]]:
-    """Yield what a thing has otherwise: the part, what it should be and is, and the repair."""
-    for api in spec.apis:
-        if api not in prim.apis:
-            yield api, "applied", "missing", ApplySchema(prim.path, api)
-    for name, paths in spec.targets.items():
-        actual = _bound(prim, name, stage)
-        if set(actual) != set(paths):
-            yield name, format_paths(paths), format_paths(actual), Restore(prim.path, name)
-    for name, wanted in spec.plain_values.items():
-        value = prim.attributes.get(name)
-        value = stage.fallback(prim.path, name) if value is None else value
-        is_set = name.startswith(_LABELS)
-        pair = (_in_order(value), _in_order(wanted)) if is_set else (value, wanted)
-        if not same_value(*pair, near_zero=1e-6):
-            yield name, display(wanted), display(value), Restore(prim.path, name)
+_AXES = "xyz"
+
+
+def _place_text(place: PlaceSpec) -> str:
+    numbers = ", ".join(f"{_AXES[axis]} {value:g}" for axis, value in place.axes.items())
+    return f"{numbers} m, give or take {place.within:g}"

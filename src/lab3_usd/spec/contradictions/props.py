@@ -8,16 +8,30 @@ from pathlib import PurePosixPath
 from lab3_usd.spec.contradictions.names import LabFault, nearest_name
 from lab3_usd.spec.contradictions.scene import KnownScene
 from lab3_usd.spec.lab import SCENE, Lab
-from lab3_usd.spec.scene import PropSpec, stands_within
+from lab3_usd.spec.props import PropSpec
+from lab3_usd.spec.scene import stands_within
 
 
 def prop_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
     """Yield what props name that is in no scene that is known, and that `build` does not make."""
     for name, prop in lab.scene.props.items():
+        yield from _needless_values(lab, name, prop)
         yield from _other_asset(lab, name, prop, scenes)
         if scenes:
             yield from _unmade(lab, name, prop, scenes)
             yield from _absent_targets(lab, name, prop, scenes)
+
+
+def _needless_values(lab: Lab, name: str, prop: PropSpec) -> Iterator[LabFault]:
+    """Yield values that a thing has until it comes, or until nothing comes after."""
+    for last in (last for last in prop.until if last in lab.checkpoints):
+        key = f"props: {name}: until: {last}"
+        if prop.since in lab.checkpoints and lab.is_after(prop.since, last):
+            message = f"it comes with checkpoint {lab.key_of(prop.since)}, which is later"
+            yield LabFault(SCENE, key, message, f"{SCENE}: props: {name}: from")
+        elif last == lab.last:
+            message = "no later checkpoint changes it: write its values under `set`"
+            yield LabFault(SCENE, key, message)
 
 
 def _unmade(
@@ -53,7 +67,8 @@ def _absent_targets(
     prims = made.union(*(scene.prims for scene in scenes))
     graphs = [graph.path for graph in lab.graphs.values()]
     for key, paths in prop.targets.items():
-        for path in paths:
+        for target in paths:
+            path = target.partition(".")[0]
             is_thing = any(each.stands_at(path) for each in lab.scene.props.values())
             is_ours = is_thing or any(stands_within(path, graph) for graph in graphs)
             if path in prims or is_ours or _is_open(lab, path, scenes):

@@ -54,8 +54,7 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     for robot in lab.scene.robots:
         if robot.pose_is_error_until:
             yield SCENE, f"{robot.key}: pose_is_error_until", robot.pose_is_error_until
-    props = lab.scene.props.items()
-    yield from ((SCENE, f"props: {name}: from", prop.since) for name, prop in props if prop.since)
+    yield from _of_props(lab)
     for graph in lab.graphs.values():
         for role, node in graph.nodes.items():
             if node.since:
@@ -69,6 +68,13 @@ def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     for key, since in _since(lab):
         if since != FROM_THE_FIRST:
             yield ROS, f"{key}: from", since
+
+
+def _of_props(lab: Lab) -> Iterator[tuple[str, str, str]]:
+    for name, prop in lab.scene.props.items():
+        named = [("until", key) for key in prop.until]
+        named += [("from", prop.since)] if prop.since else []
+        yield from ((SCENE, f"props: {name}: {key}", checkpoint) for key, checkpoint in named)
 
 
 def _since(lab: Lab) -> Iterator[tuple[str, str]]:

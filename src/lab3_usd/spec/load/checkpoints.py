@@ -21,8 +21,9 @@ from lab3_usd.spec.lab import (
     Policy,
     Removal,
 )
+from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
-from lab3_usd.spec.scene import PropSpec, SceneSpec
+from lab3_usd.spec.scene import SceneSpec
 from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import as_record
 
@@ -271,7 +272,12 @@ def by_ids(lab: Lab) -> Lab:
                 replace(robot, pose_is_error_until=named(robot.pose_is_error_until))
                 for robot in lab.scene.robots
             ),
-            props={name: since(prop) for name, prop in lab.scene.props.items()},
+            props={
+                name: replace(
+                    since(prop), until={named(key): value for key, value in prop.until.items()}
+                )
+                for name, prop in lab.scene.props.items()
+            },
         ),
         ros=replace(
             ros,

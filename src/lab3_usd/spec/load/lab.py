@@ -27,9 +27,9 @@ from lab3_usd.spec.load.checkpoints import (
 )
 from lab3_usd.spec.load.graph_file import parse_graph
 from lab3_usd.spec.positions import located
+from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.scene import (
     ForbiddenPrims,
-    PropSpec,
     RobotSpec,
     SceneSpec,
     SensorSpec,
@@ -389,7 +389,7 @@ def _with_sensors(platform: Platform, scene: SceneSpec) -> Platform:
     sensors = scene.sensors.values()
     types = {sensor.type for sensor in sensors}
     attributes = {name for sensor in sensors for name in sensor.attributes}
-    attributes |= {n for prop in scene.props.values() for n in (*prop.values, *prop.targets)}
+    attributes |= {name for prop in scene.props.values() for name in prop.properties}
     return replace(
         platform,
         placed=platform.placed | types,

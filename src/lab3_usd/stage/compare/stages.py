@@ -15,7 +15,7 @@ from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.model.transforms import PlaceTolerance
 from lab3_usd.spec.lab import Checkpoint, Lab
-from lab3_usd.spec.scene import PropSpec
+from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.submission import StarterRules
 from lab3_usd.stage.compare.compared_prims import added_changes, prim_differences
 from lab3_usd.stage.compare.pairs import (
@@ -41,6 +41,7 @@ from lab3_usd.stage.compare.value_terms import (
 from lab3_usd.stage.read.assets import IS_PRESENT, find_unresolved
 from lab3_usd.stage.read.opening import cached, open_stage, quiet
 
+_POSE = "xformOp"
 _NewPrims = dict[Signature, list[Usd.Prim]]
 
 
@@ -78,9 +79,22 @@ def compare_starter(
     key = ("changes", id(before), id(after), terms.bodies_rest)
     changes = cached(key, lambda: tuple(_changes(comparison)))
     point = lab.checkpoints[checkpoint]
-    added = [prop for prop in lab.props_at(point).values() if prop.since]
+    props = lab.props_at(point).values()
+    added = [prop for prop in props if prop.since]
     kept = (change for change in changes if not _is_asked(change.prim, point, added))
-    return StarterSubject(rules, tuple(kept) if point.removed or added else changes)
+    changed = [prop for prop in props if prop.until and not prop.since]
+    if changed:
+        kept = (each for change in kept if (each := _without_asked(change, changed)) is not None)
+    return StarterSubject(rules, tuple(kept) if point.removed or added or changed else changes)
+
+
+def _without_asked(change: Change, props: Iterable[PropSpec]) -> Change | None:
+    """Return a change without the properties that some checkpoint changes; None if nothing else."""
+    asked = {name for prop in props if prop.stands_at(change.prim) for name in prop.properties}
+    if any(prop.stands_at(change.prim) and prop.place is not None for prop in props):
+        asked |= {each.property for each in change.differences if each.property.startswith(_POSE)}
+    kept = tuple(each for each in change.differences if each.property not in asked)
+    return replace(change, differences=kept) if kept or change.absent else None
 
 
 def _is_asked(path: str, checkpoint: Checkpoint, added: Iterable[PropSpec]) -> bool:

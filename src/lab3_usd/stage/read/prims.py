@@ -99,7 +99,10 @@ class PrimReader:
             value = authored.value(MOST_EMITTERS)
             if value is not None:
                 attributes[name] = value
-            elif targets := authored.targets():
+            targets = authored.targets() if value is None else ()
+            if not targets and name in self.sensor_attributes:
+                targets = authored.sources()
+            if targets:
                 relationships[name] = targets
         prim.attributes, prim.relationships = attributes, relationships
 

@@ -41,6 +41,7 @@ from lab3_usd.stage.read.assets import (
     is_in_scene,
 )
 from lab3_usd.stage.read.colliders import StageColliders
+from lab3_usd.stage.read.details import StageDetails
 from lab3_usd.stage.read.opening import cached, held, open_stage, quiet, stage_errors
 from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.properties import (
@@ -115,14 +116,8 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
         products=_named_products(stage, scan),
         old_types=tuple(scan.old_types),
         scene=lambda: _scene(stage, platform, path),
-        fallback=lambda prim, name: _fallback(stage, prim, name),
+        details=StageDetails(reader),
     )
-
-
-def _fallback(stage: Usd.Stage, path: str, name: str) -> Value | None:
-    prim = stage.GetPrimAtPath(path)
-    attribute = prim.GetAttribute(name) if prim else None
-    return plain_value(attribute.Get()) if attribute and attribute.HasFallbackValue() else None
 
 
 def _scene(stage: Usd.Stage, platform: Platform, path: str) -> Scene:

@@ -17,18 +17,18 @@ from lab3_usd.files import make_folder, temporary_beside
 from lab3_usd.model.changes import AddGraph
 from lab3_usd.model.physics import MASS
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import SCENE, Checkpoint, Lab, articulated_at_roots
+from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec
+from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.submission import example_of
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import open_stage, quiet
 from lab3_usd.stage.write.graphs import author_graph, author_pose, author_sensor, define_parents
+from lab3_usd.stage.write.props import author_props
 from lab3_usd.stage.write.starter import (
     robots_articulated_at_root,
     starter_layer,
     starter_problems,
-    write_prim,
 )
 
 _URI = re.compile(r"^[A-Za-z][A-Za-z0-9+.-]+:")
@@ -184,6 +184,7 @@ def _checkpoint_layers(
     folder = next(iter(plan)).parent
     growing = _copy_for(stage.GetRootLayer(), folder)
     before: Mapping[str, GraphSpec] = {}
+    props: Mapping[str, PropSpec] = {}
     for checkpoint in lab.checkpoints.values():
         layer = growing
         if checkpoint.optional:  # nothing grows on it
@@ -210,40 +211,13 @@ def _checkpoint_layers(
                     del former.nameParent.nameChildren[former.name]
                 author_graph(layer, AddGraph.of(graphs[name].graph), lab.platform)
                 _author_names(layer, lab, path)
-        _author_props(layer, lab, checkpoint)
+        author_props(layer, lab, checkpoint, props)
         if not checkpoint.optional:
-            before = graphs
+            before, props = graphs, lab.props_at(checkpoint)
         if checkpoint.id in targets:
             yield targets.pop(checkpoint.id), layer
             if not targets:
                 return
-
-
-def _author_props(layer: Sdf.Layer, lab: Lab, checkpoint: Checkpoint) -> None:
-    """Make the things that come with a checkpoint and have a path of their own."""
-    props = lab.props_at(checkpoint).items()
-    new = {name: prop for name, prop in props if prop.since == checkpoint.id}
-    if not new:
-        return
-    stage = Usd.Stage.Open(layer)
-    for key, prop in new.items():
-        values = (
-            (name, v if isinstance(v, Mapping) else {"value": v}) for name, v in prop.values.items()
-        )
-        attributes = tuple(AttributeSpec(n, v["value"], v.get("type")) for n, v in values)
-        for path in prop.places([str(prim.GetPath()) for prim in stage.TraverseAll()]):
-            known = stage.GetPrimAtPath(path)
-            spec = PrimSpec(
-                path,
-                prop.type or (known.GetTypeName() if known else "Xform"),
-                apis=prop.apis,
-                attributes=attributes,
-                targets=tuple(prop.targets.items()),
-                site=f"{SCENE}: props: {key}: set",
-            )
-            write_prim(stage, spec, lab.scene.stage.meters_per_unit)
-            if prop.asset:
-                stage.GetPrimAtPath(path).GetReferences().AddReference(prop.asset)
 
 
 def _remove(layer: Sdf.Layer, stage: Usd.Stage, path: str) -> None:

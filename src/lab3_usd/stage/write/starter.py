@@ -21,6 +21,12 @@ from lab3_usd.stage.schema_names import likely_api, likely_property, likely_sche
 from lab3_usd.stage.write.graphs import quaternion, usd_value
 
 _BODY = "PhysicsRigidBodyAPI"
+_SHADER = "info:id"
+_TYPES = Sdf.ValueTypeNames
+_POSES = {  # as Isaac Sim's own editor writes them
+    **dict.fromkeys(("xformOp:translate", "xformOp:scale", "xformOp:rotateXYZ"), _TYPES.Double3),
+    "xformOp:orient": _TYPES.Quatd,
+}
 _SHOWN = 3  # prims that have the name of a missing one
 _SUFFIX = ".usda"
 
@@ -191,7 +197,11 @@ def starter_layer(folder: Path) -> Sdf.Layer:
 
 
 def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
-    """Write a prim of a stage whose unit has a length of `metres`."""
+    """Write a prim of a stage whose unit has a length of `metres`.
+
+    Raises:
+        SpecError: USD does not take a value.
+    """
     prim = stage.OverridePrim(spec.path) if spec.over else stage.DefinePrim(spec.path, spec.type)
     if spec.doc:
         prim.SetDocumentation(spec.doc)
@@ -203,7 +213,7 @@ def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
         xform.AddTranslateOp(double).Set(Gf.Vec3d(spec.pose.translate) / metres)
         xform.AddOrientOp(double).Set(quaternion(spec.pose.rotate))
         xform.AddScaleOp(double).Set(Gf.Vec3d(spec.pose.scale))
-    for attribute in spec.attributes:
+    for attribute in sorted(spec.attributes, key=lambda each: each.name != _SHADER):
         _write_attribute(prim, attribute, spec.site)
     for name, paths in spec.targets:
         prim.CreateRelationship(name, custom=False).SetTargets([Sdf.Path(path) for path in paths])
@@ -216,14 +226,19 @@ def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
 
 def _write_attribute(prim: Usd.Prim, spec: AttributeSpec, place: str) -> None:
     site = f"{place}: '{spec.name}'"
+    known = known_type(prim, spec.name)
     if spec.type is None:
         attribute = prim.GetAttribute(spec.name)
+        if known and not attribute:
+            attribute = prim.CreateAttribute(spec.name, known, custom=False)
     else:  # of a schema that only Isaac Sim has, worded as in a text layer
         kind = spec.type.removeprefix("uniform ")
         variability = Sdf.VariabilityVarying if kind == spec.type else Sdf.VariabilityUniform
         value_type = Sdf.ValueTypeNames.Find(kind)
         if not value_type:
             raise SpecError(f"{site}: '{kind}' is not a type of USD")
+        if known and known.cppTypeName != value_type.cppTypeName:
+            raise SpecError(f"{site} has the type {known}, not {kind}; leave the type out")
         attribute = prim.CreateAttribute(spec.name, value_type, False, variability)  # noqa: FBT003 - no keyword
     if not attribute:
         raise SpecError(f"{site} is not known to USD here, {_advice(prim, spec.name)}")
@@ -234,6 +249,25 @@ def _write_attribute(prim: Usd.Prim, spec: AttributeSpec, place: str) -> None:
         raise SpecError(
             f"{site} is {spec.value!r}, expected a {attribute.GetTypeName()}"
         ) from error
+
+
+def known_type(prim: Usd.Prim, name: str) -> Sdf.ValueTypeName | None:
+    """Return the type of an attribute by the schemas of a prim, or by the shader that it is."""
+    spec = prim.GetPrimDefinition().GetSchemaAttributeSpec(name)
+    if spec is not None:
+        return spec.typeName
+    if name.startswith(tuple(_POSES)):
+        return _POSES[":".join(name.split(":")[:2])]
+    shader = prim.GetAttribute(_SHADER)
+    if not shader:
+        return None
+    from pxr import Sdr
+
+    node = Sdr.Registry().GetShaderNodeByIdentifier(shader.Get() or "")
+    place, _, port = name.partition(":")
+    find = {"inputs": "GetShaderInput", "outputs": "GetShaderOutput"}.get(place, "")
+    found = getattr(node, find)(port) if node and find else None
+    return found.GetTypeAsSdfType().GetSdfType() if found else None
 
 
 def _advice(prim: Usd.Prim, name: str) -> str:

@@ -1,0 +1,291 @@
+"""Things of a scene that change, are connected, stand somewhere, are hidden or have a type."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from pathlib import Path
+from shutil import copytree
+
+import pytest
+from invoking import invoke
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
+
+from lab3_usd.errors import SpecError
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.spec.load.loader import load_lab
+
+HALL = """#usda 1.0
+(
+    defaultPrim = "Hall"
+    metersPerUnit = 0.01
+    kilogramsPerUnit = 1
+    upAxis = "Y"
+)
+def Xform "Hall"
+{
+    def Xform "Goods"
+    {
+        double3 xformOp:translate = (100, 0, 0)
+        uniform token[] xformOpOrder = ["xformOp:translate"]
+    }
+    def Xform "Room"
+    {
+        def SphereLight "Lamp"
+        {
+            float inputs:intensity = 500
+        }
+    }
+}
+"""
+PROPS = """
+props:
+  lamp:
+    path: /Hall/Room/Lamp
+    type: SphereLight
+    handout: B1
+    set: {"inputs:intensity": 1500}
+    until: {"2": {set: {"inputs:intensity": 500}}}
+  crate:
+    path: /Hall/Goods/Crate
+    type: Cube
+    handout: B2
+    place: {x: 3, z: -1, within: 0.05}
+    targets: {"material:binding": [/Hall/Looks/Steel]}
+    set: {size: 40, visibility: inherited, "semantics:labels:class": [crate]}
+    apis: ["SemanticsLabelsAPI:class"]
+    from: "2"
+    until: {"2": {place: {x: 2, z: -1, within: 0.05}}}
+  steel:
+    path: /Hall/Looks/Steel
+    type: Material
+    handout: B3
+    targets: {"outputs:surface": [/Hall/Looks/Steel/Surface.outputs:surface]}
+    from: "2"
+  surface:
+    path: /Hall/Looks/Steel/Surface
+    type: Shader
+    handout: B3
+    set: {"info:id": UsdPreviewSurface, "inputs:roughness": 0.3}
+    targets: {"inputs:diffuseColor": [/Hall/Looks/Steel/Texture.outputs:rgb]}
+    from: "2"
+  texture:
+    path: /Hall/Looks/Steel/Texture
+    type: Shader
+    handout: B3
+    set: {"info:id": UsdUVTexture, "inputs:file": steel.png}
+    from: "2"
+"""
+Change = Callable[[Usd.Stage], object]
+LAMP, CRATE = "/Hall/Room/Lamp", "/Hall/Goods/Crate"
+STEEL, SURFACE = "/Hall/Looks/Steel", "/Hall/Looks/Steel/Surface"
+LABELS = "semantics:labels:class"
+
+
+@pytest.fixture(scope="module")
+def course(tmp_path_factory: pytest.TempPathFactory) -> Path:
+    """A lab of three milestones, and the stages that it builds of the first one."""
+    folder = tmp_path_factory.mktemp("course")
+    names = [folder / f"hall_{number}.usda" for number in (1, 2, 3)]
+    for path in names:
+        path.write_text(HALL)
+    (folder / "steel.png").touch()
+    told = invoke("lab", "new", folder / "lab", *names)
+    assert told.exit_code == 0, told.output
+    scene = folder / "lab" / "scene.yaml"
+    scene.write_text(scene.read_text() + PROPS)
+    made = invoke("--lab", folder / "lab", "build", "--out", folder / "built")
+    assert made.exit_code == 0, made.output
+    (folder / "built" / "steel.png").touch()
+    return folder
+
+
+def built(course: Path, number: int) -> Usd.Stage:
+    return Usd.Stage.Open(str(course / "built" / f"hall_{number}.usda"))
+
+
+def told(course: Path, number: int, change: Change) -> list[tuple[str, str, str]]:
+    """What is found of a built stage with a change: severity, prim and message of each."""
+    path = course / "built" / f"changed_{number}.usda"
+    built(course, number).Export(str(path))
+    stage = Usd.Stage.Open(str(path))
+    change(stage)
+    stage.Save()
+    findings = check_stage(path, str(number), load_lab(course / "lab")).findings
+    return [(each.severity, each.prim, each.message) for each in findings]
+
+
+def origin(stage: Usd.Stage) -> Gf.Vec3d:
+    place = UsdGeom.XformCache().GetLocalToWorldTransform(stage.GetPrimAtPath(CRATE))
+    return place.ExtractTranslation()
+
+
+def test_what_changes_at_a_milestone_is_built(course: Path) -> None:
+    first, second, third = (built(course, number) for number in (1, 2, 3))
+    lamps = [s.GetAttributeAtPath(f"{LAMP}.inputs:intensity") for s in (first, second, third)]
+    assert [lamp.Get() for lamp in lamps] == [500, 500, 1500]
+    assert [origin(second), origin(third)] == [(200, 0, -100), (300, 0, -100)]
+
+
+def test_materials_are_built_with_their_network(course: Path) -> None:
+    stage = built(course, 2)
+    binding = UsdShade.MaterialBindingAPI(stage.GetPrimAtPath(CRATE))
+    shader, *_ = binding.ComputeBoundMaterial()[0].ComputeSurfaceSource()
+    assert str(shader.GetPath()) == SURFACE
+    colour = shader.GetInput("diffuseColor")
+    assert (colour.GetTypeName(), colour.HasConnectedSource()) == ("color3f", True)
+
+
+@pytest.mark.parametrize("number", [1, 2, 3])
+def test_the_built_stages_pass(course: Path, number: int) -> None:
+    assert told(course, number, lambda _: None) == []
+
+
+def shines(strength: float) -> Change:
+    return lambda stage: stage.GetAttributeAtPath(f"{LAMP}.inputs:intensity").Set(strength)
+
+
+def hides(path: str) -> Change:
+    return lambda stage: UsdGeom.Imageable(stage.GetPrimAtPath(path)).MakeInvisible()
+
+
+def moves(stage: Usd.Stage) -> None:
+    goods = stage.GetPrimAtPath("/Hall/Goods").GetAttribute("xformOp:translate")
+    goods.Set(Gf.Vec3d(110, 70, 0))
+
+
+def writes_strings(stage: Usd.Stage) -> None:
+    prim = stage.GetPrimAtPath(CRATE)
+    prim.RemoveProperty(LABELS)
+    spec = Sdf.CreatePrimInLayer(stage.GetRootLayer(), CRATE)
+    Sdf.AttributeSpec(spec, LABELS, Sdf.ValueTypeNames.StringArray).default = ["crate"]
+
+
+def bound_stronger(stage: Usd.Stage) -> None:
+    wood = UsdShade.Material.Define(stage, "/Hall/Looks/Wood")
+    goods = UsdShade.MaterialBindingAPI.Apply(stage.GetPrimAtPath("/Hall/Goods"))
+    goods.Bind(wood, UsdShade.Tokens.strongerThanDescendants)
+
+
+MISTAKES: dict[str, tuple[int, Change, tuple[str, str, str]]] = {
+    "too bright before": (
+        2,
+        shines(1500),
+        ("error", LAMP, "inputs:intensity of Lamp is 1500, expected 500"),
+    ),
+    "too dark after": (
+        3,
+        shines(500),
+        ("error", LAMP, "inputs:intensity of Lamp is 500, expected 1500"),
+    ),
+    "hidden with the room": (
+        3,
+        hides("/Hall/Goods"),
+        ("error", CRATE, "Crate is hidden by /Hall/Goods, whose visibility is invisible"),
+    ),
+    "hidden": (
+        3,
+        hides(CRATE),
+        ("error", CRATE, "visibility of Crate is 'invisible', expected 'inherited'"),
+    ),
+    "moved with the room": (
+        3,
+        moves,
+        (
+            "error",
+            CRATE,
+            "Crate stands at x 3.1, z -1 in the world, expected x 3, z -1 m, give or take 0.05",
+        ),
+    ),
+    "not connected": (
+        2,
+        lambda s: s.GetPrimAtPath(STEEL).GetAttribute("outputs:surface").ClearConnections(),
+        (
+            "error",
+            STEEL,
+            f"outputs:surface of Steel is connected to nothing, expected {SURFACE}.outputs:surface",
+        ),
+    ),
+    "labels of another type": (
+        2,
+        writes_strings,
+        ("error", CRATE, f"{LABELS} of Crate is written as string[], and is read as token[]"),
+    ),
+    "another material from above": (
+        2,
+        bound_stronger,
+        (
+            "error",
+            CRATE,
+            "material:binding of Crate is /Hall/Looks/Wood, expected /Hall/Looks/Steel",
+        ),
+    ),
+    "a binding without its schema": (
+        2,
+        lambda s: s.GetPrimAtPath(CRATE).RemoveAppliedSchema("MaterialBindingAPI"),
+        (
+            "warning",
+            CRATE,
+            "Crate binds a material without MaterialBindingAPI, which usdchecker refuses",
+        ),
+    ),
+    "metres in a stage of centimetres": (
+        2,
+        lambda s: s.GetAttributeAtPath(f"{CRATE}.size").Set(0.4),
+        ("error", CRATE, "size of Crate is 0.4, expected 40 centimetres"),
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", MISTAKES)
+def test_each_mistake_is_told_once(course: Path, mistake: str) -> None:
+    number, change, expected = MISTAKES[mistake]
+    assert told(course, number, change) == [expected]
+
+
+def test_what_a_milestone_changes_is_no_change_of_the_starter(course: Path) -> None:
+    starter, stage = course / "built" / "hall_1.usda", course / "built" / "hall_3.usda"
+    result = invoke("--lab", course / "lab", "check", "--starter", starter, stage, "--quiet")
+    assert result.exit_code == 0, result.output
+
+
+REFUSED = {
+    "a prim for an output": (
+        f"{SURFACE}.outputs:surface",
+        SURFACE,
+        "an output is connected to a property",
+    ),
+    "a value for an output": (
+        "inputs:roughness",
+        "outputs:out",
+        "what it is connected to, as 0.3, is one of `targets`",
+    ),
+    "a place without axes": (
+        "{x: 3, z: -1, within: 0.05}",
+        "{within: 1}",
+        "names none of x, y and z",
+    ),
+    "a milestone that is not there": ('"2": {set', '"9": {set', "there is no checkpoint '9'"),
+    "the last milestone": ('"2": {set', '"3": {set', "no later checkpoint changes it"),
+    "a milestone before the thing": ('"2": {place', '"1": {place', "which is later"),
+    "another type than the schema's": (
+        f'"{LABELS}": [crate]',
+        f'"{LABELS}": {{type: "string[]", value: [crate]}}',
+        "has the type token[], not string[]; leave the type out",
+    ),
+}
+
+
+@pytest.mark.parametrize("mistake", REFUSED)
+def test_what_no_thing_can_be_is_refused(course: Path, tmp_path: Path, mistake: str) -> None:
+    right, wrong, message = REFUSED[mistake]
+    copytree(course / "lab", tmp_path / "lab")
+    scene = tmp_path / "lab" / "scene.yaml"
+    text = scene.read_text()
+    assert right in text
+    scene.write_text(text.replace(right, wrong))
+    try:
+        said = invoke("lab", "check", tmp_path / "lab").output
+    except SpecError as error:
+        said = str(error)
+    assert message in said
+    assert "scene.yaml" in said
