@@ -20,9 +20,15 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
-from accepted import idle_rows
-from agreement import Contradiction, unexplained
-from agreement_stages import Subject, all_subjects, contradictions_of, once_contradictory
+from agreement import (
+    Contradiction,
+    Subject,
+    all_subjects,
+    contradictions_of,
+    once_contradictory,
+    unexplained,
+)
+from two_judges import idle_rows
 
 SHOWN = 3  # stages of one contradiction
 

@@ -56,8 +56,8 @@ from fixing import (
     second_stage,
 )
 from fuzzed_edits import fault_of
+from made_once import starter_made_once
 from sabotage import Fault
-from starter_once import starter_made_once
 
 from lab3_usd.pipeline.processes import in_processes
 from lab3_usd.spec.load.loader import load_lab

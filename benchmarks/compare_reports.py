@@ -1,6 +1,6 @@
 """Compares what two checkouts say of the same stages, in JSON, and counts the differences by kind.
 
-The stages: those of tests/support/agreement_stages.py (built, each single fault, cases of rules,
+The stages: those of tests/support/agreement.py (built, each single fault, cases of rules,
 other people's robots, `../shared/corpus` where it is). Each of the lab is checked, those of one
 checkpoint beside the starter as well, and all are linted. A difference is of a finding that is new,
 gone or changed (with the keys that are), or of another key of a report; each kind has an example.
@@ -23,7 +23,7 @@ from typing import Any
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
-from agreement_stages import CHECKPOINT, Subject, all_subjects
+from agreement import CHECKPOINT, Subject, all_subjects
 from places import REPOSITORY
 
 from lab3_usd.spec.load.loader import load_lab

@@ -17,11 +17,11 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
-from accepted import idle_rows
 from two_judges import (
     Silence,
     Verdicts,
     all_faults,
+    idle_rows,
     idle_silence,
     silent,
     unexplained,

@@ -13,7 +13,7 @@ from pathlib import Path
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
-from fault_chains import LONGEST, drops
+from failing_students import LONGEST, drops
 from grade_files import LAB
 
 

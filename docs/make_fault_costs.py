@@ -13,11 +13,10 @@ from tempfile import TemporaryDirectory
 
 sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "tests/support"))
 
-from failing_students import Mistake, hand_in
-from fault_chains import opened_starter, rubric
+from failing_students import Mistake, hand_in, opened_starter, rubric
 from grade_files import LAB, built
 from pxr import Gf
-from scene_changes import ROBOT, Change, put, remove, turn
+from scene_stages import ROBOT, Change, put, remove, turn
 from submissions import checked
 
 from lab3_usd.grade.dry_runs import with_dry_runs

@@ -30,8 +30,7 @@ sys.path.insert(0, str(Path(__file__).resolve().parents[1] / "benchmarks"))
 import corpus
 import quick_yaml
 from pxr import Plug, Sdf, Usd
-from scene_changes import ROBOT
-from sensor_stages import CASES, with_values
+from scene_stages import CASES, ROBOT, with_values
 
 from lab3_usd.isaac.sensor_models import LongList
 from lab3_usd.pipeline.stage import lint_stage

@@ -133,10 +133,12 @@ def pytest_runtest_protocol(item: pytest.Item, nextitem: pytest.Item | None) -> 
 
 @pytest.fixture(scope="session", autouse=True)
 def _made_once() -> Iterator[None]:
-    from parsed_once import yaml_parsed_once
-    from platform_once import platform_assembled_once
-    from splines_noted import splines_noted
-    from starter_once import starter_made_once
+    from made_once import (
+        platform_assembled_once,
+        splines_noted,
+        starter_made_once,
+        yaml_parsed_once,
+    )
 
     with yaml_parsed_once(), platform_assembled_once(), starter_made_once(), splines_noted():
         yield
@@ -145,7 +147,7 @@ def _made_once() -> Iterator[None]:
 @pytest.fixture
 def own_rules() -> Iterator[None]:
     """Let a test add rules of its own."""
-    from own_rules import registered_for_a_while
+    from linting import registered_for_a_while
 
     with registered_for_a_while():
         yield

@@ -6,9 +6,8 @@ import json
 from pathlib import Path
 
 import pytest
-from bare_robots import BARE, ROVER, add_lidar, add_link, add_rover, new_stage, rover_at
-from in_process import lab3
-from invoking import invoke
+from foreign_robots import BARE, ROVER, add_lidar, add_link, add_rover, new_stage, rover_at
+from in_process import invoke, lab3
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.author.adding import Added, AddOptions, add_graphs

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from bare_robots import ROVER, add_rover, new_stage, rover_at
+from foreign_robots import ROVER, add_rover, new_stage, rover_at
 from pxr import Usd
 
 from lab3_usd import AmbiguousError, GraphError, NewFindingsError, Stage, UsageError

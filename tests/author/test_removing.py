@@ -7,8 +7,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from bare_robots import ROVER, add_rover, new_stage, rover_at
-from invoking import invoke
+from foreign_robots import ROVER, add_rover, new_stage, rover_at
+from in_process import invoke
 from pxr import Sdf, Usd
 
 from lab3_usd.author.adding import AddOptions, add_graphs

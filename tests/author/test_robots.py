@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from bare_robots import (
+from foreign_robots import (
     ROVER,
     add_joint,
     add_lidar,
@@ -15,7 +15,7 @@ from bare_robots import (
     add_wheel,
     new_stage,
 )
-from invoking import invoke
+from in_process import invoke
 from pxr import Gf, UsdGeom, UsdPhysics
 
 from lab3_usd.facts.robots import Robot, robots

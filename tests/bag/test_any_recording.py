@@ -8,11 +8,11 @@ from typing import Any
 
 import pytest
 from foreign_robots import car_and_arm, rover
-from invoking import invoke
+from in_process import invoke
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
 from recordings import Sent, on, rewritten
-from report_schema import dry_run_of
+from report_examples import dry_run_of
 
 from lab3_usd.errors import UsageError
 from lab3_usd.sim.bag.any_recording import RecordedRobot, judge_any_recording, robots_in

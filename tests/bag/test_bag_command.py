@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from click.testing import Result
-from invoking import invoke
+from in_process import invoke
 from msgspec.structs import replace
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
@@ -27,7 +27,7 @@ from recordings import (
     rewritten,
     tied,
 )
-from report_schema import dry_run_of
+from report_examples import dry_run_of
 from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 
 from lab3_usd.errors import RecordingError, UsageError

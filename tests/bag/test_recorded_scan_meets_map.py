@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
 

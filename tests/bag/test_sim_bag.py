@@ -14,7 +14,7 @@ import pytest
 import yaml
 from breaking import broken
 from foreign_robots import car_and_arm
-from invoking import invoke
+from in_process import invoke
 from pxr import Gf
 
 from lab3_usd.errors import NoRoomError, UsageError

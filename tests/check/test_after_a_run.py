@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from pxr import Gf, Usd, UsdGeom
-from scene_changes import (
+from scene_stages import (
     CAMERA,
     JOINTS,
     LINKS,
@@ -13,13 +13,15 @@ from scene_changes import (
     TRANSLATE,
     WHEELS,
     aim,
+    built,
     define,
+    findings_of,
     put,
+    told,
     turn,
     weld,
     with_api,
 )
-from scene_stages import built, findings_of, told
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.rule_runs import RuleResults

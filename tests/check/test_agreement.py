@@ -13,18 +13,18 @@ from zlib import crc32
 
 import pytest
 import quick_yaml
-from agreement import unexplained
-from agreement_stages import (
+from agreement import (
     CONTRADICTORY,
     Subject,
     all_subjects,
     contradictions_of,
     once_contradictory,
+    unexplained,
 )
-from any_stages import BRIEFLY
 from breaking import correct_stage
+from dry_runs import BRIEFLY
 from foreign_robots import rover
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 
 from lab3_usd.data import LAB_VARIABLE

@@ -5,7 +5,7 @@ from __future__ import annotations
 import pytest
 from breaking import STEPS, broken, judged
 from pxr import Sdf, Usd, UsdGeom, Vt
-from scene_changes import Change, put, remove, several
+from scene_stages import Change, put, remove, several
 
 from lab3_usd.model.finding import Finding
 

@@ -7,7 +7,7 @@ from pathlib import Path
 import pytest
 from breaking import correct_stage, judged
 from pxr import Usd
-from scene_changes import Change, several, switch, with_api, without_api
+from scene_stages import Change, several, switch, with_api, without_api
 from starters import ROBOT, changed
 
 from lab3_usd import cli

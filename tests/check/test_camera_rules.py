@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import pytest
 from pxr import Gf, UsdGeom
-from scene_changes import (
+from scene_stages import (
     CAMERA,
     ORIENT,
     ROBOT,
@@ -14,8 +14,11 @@ from scene_changes import (
     Change,
     as_matrix,
     author,
+    built,
     clear,
     define,
+    findings_of,
+    found_after,
     move_prim,
     negated,
     put,
@@ -23,10 +26,11 @@ from scene_changes import (
     remove,
     rotated,
     several,
+    told,
+    told_after,
     turn,
     without_api,
 )
-from scene_stages import built, findings_of, found_after, told, told_after
 
 RIGHT = Gf.Quatd(0.5, 0.5, -0.5, -0.5)
 FLOATS = Gf.Quatd(0.49999997, 0.50000003, -0.5, -0.49999994)

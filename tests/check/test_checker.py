@@ -6,8 +6,8 @@ from pathlib import Path
 
 import pytest
 from breaking import STEPS, broken, correct_stage, judged, place, the_lab
+from linting import add_failing_rule
 from msgspec.structs import replace
-from own_rules import add_failing_rule
 from pxr import Usd
 
 from lab3_usd.check.registry import all_rules

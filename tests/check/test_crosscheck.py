@@ -2,8 +2,7 @@
 
 from __future__ import annotations
 
-from accepted import known_rows
-from two_judges import all_faults, crosscheck, silent, unexplained, wrong
+from two_judges import all_faults, crosscheck, known_rows, silent, unexplained, wrong
 
 STEP, FIRST = 229, 3  # every so many of all faults, from so many on
 

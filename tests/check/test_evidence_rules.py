@@ -6,6 +6,7 @@ from pathlib import Path
 
 import pytest
 from golden import assert_golden, numbered, problems_text
+from grade_files import read_evidence
 from msgspec.structs import replace
 from ros_outputs import (
     ACTIVE,
@@ -26,7 +27,6 @@ from ros_outputs import (
     info,
     view_frames,
 )
-from saved_outputs import read_evidence
 from submissions import diagnostics
 
 from lab3_usd.check.registry import rules_of

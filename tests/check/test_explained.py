@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from breaking import correct_stage, judged, the_lab
-from explained import unexplained
+from failing_students import unexplained
 from places import SHARED
 
 from lab3_usd.check.checker import judge

@@ -4,9 +4,9 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from any_stages import BRIEFLY
 from breaking import broken
-from invoking import invoke
+from dry_runs import BRIEFLY
+from in_process import invoke
 from msgspec.structs import replace
 
 from lab3_usd.check.explanations import explaining_finding

@@ -6,21 +6,26 @@ from pathlib import Path
 
 import pytest
 from breaking import judged
-from missing_assets import LACKING, behind_a_missing_robot, over_an_asset
+from layerings import LACKING, behind_a_missing_robot, over_an_asset
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
-from scene_changes import (
+from scene_stages import (
     CAMERA,
     FLOOR,
     LIDAR,
     ROBOT,
     TICK,
+    built,
     deactivate,
+    findings_of,
+    found_after,
+    model_of,
     put,
     refer,
     remove,
+    told,
+    told_after,
     without_api,
 )
-from scene_stages import built, findings_of, found_after, model_of, told, told_after
 
 from lab3_usd.check.registry import rules_of
 

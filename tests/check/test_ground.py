@@ -3,8 +3,21 @@
 from __future__ import annotations
 
 import pytest
-from scene_changes import FLOOR, Change, define, several, slab, switch, weld, with_api, without_api
-from scene_stages import built, findings_of, told, told_after
+from scene_stages import (
+    FLOOR,
+    Change,
+    built,
+    define,
+    findings_of,
+    several,
+    slab,
+    switch,
+    told,
+    told_after,
+    weld,
+    with_api,
+    without_api,
+)
 
 from lab3_usd.stage.compare.value_terms import applied_schemas
 

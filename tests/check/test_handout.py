@@ -22,7 +22,7 @@ from handout_table import (
     Sensor,
     Wire,
 )
-from invoking import invoke
+from in_process import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdValidation
 
 from lab3_usd.grade.rubric import everything_asked, load_rubric

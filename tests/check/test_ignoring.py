@@ -11,9 +11,9 @@ from typing import Any
 import pytest
 from breaking import Step, broken, correct_stage, place
 from foreign_robots import rover
-from invoking import invoke as lab3
+from in_process import invoke as lab3
 from pxr import Sdf, Usd
-from report_schema import assert_valid
+from report_examples import assert_valid
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.intake.staging import Source

@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 from pxr import Usd
 

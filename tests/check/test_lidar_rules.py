@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import pytest
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
-from scene_changes import (
+from scene_stages import (
     CAMERA,
+    CASES,
     LIDAR,
     ORIENT,
     ROBOT,
@@ -16,10 +17,13 @@ from scene_changes import (
     aim,
     as_matrix,
     author,
+    built,
     clear,
     deactivate,
     define,
     detach,
+    found_after,
+    model_of,
     move_prim,
     negated,
     put,
@@ -29,11 +33,12 @@ from scene_changes import (
     rotated,
     several,
     switch,
+    told,
+    told_after,
     turn,
+    with_values,
     without_api,
 )
-from scene_stages import built, found_after, model_of, told, told_after
-from sensor_stages import CASES, with_values
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.robot.sensors import sensor_relocations

@@ -8,12 +8,12 @@ from pathlib import Path
 import pytest
 import quick_yaml
 from foreign_robots import ROBOTS, TICK, body, revolute, rover, write_graph
+from layerings import ROVER, rover_of_a_missing_asset
 from linting import broken_robot, found_by, said_by
-from missing_assets import ROVER, rover_of_a_missing_asset
+from made_once import copy_of
 from places import TESTS
 from pxr import Sdf, Usd, UsdPhysics
 from robot_kinds import rollers
-from splines_noted import copy_of
 
 from lab3_usd.model.finding import NodeCoverage, StageResult
 from lab3_usd.pipeline.stage import lint_stage

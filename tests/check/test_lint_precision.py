@@ -14,7 +14,7 @@ from linting import broken_robot, found_by, linted, said_by, sites_of
 from menu_graphs import MENUS, with_menus
 from places import REPOSITORY, TESTS
 from pxr import Sdf, Usd
-from scene_changes import deactivate
+from scene_stages import deactivate
 from second_author import MIXED, STYLES, author_lab
 
 from lab3_usd import build_checkpoint

@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 from breaking import broken, judged
-from invoking import invoke
+from in_process import invoke
 from linting import broken_robot, linted, said_by
 from pxr import Usd
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import re
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from msgspec.structs import replace
 from places import REPOSITORY
 

@@ -7,7 +7,7 @@ from typing import Any
 
 import pytest
 from breaking import Step
-from invoking import invoke as lab3
+from in_process import invoke as lab3
 from linting import broken_robot, found_by, linted, sites_of
 from pxr import Sdf, Usd
 

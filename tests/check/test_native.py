@@ -11,11 +11,11 @@ from typing import Any
 import pytest
 import quick_yaml
 from breaking import correct_stage
-from invoking import invoke as lab3
+from in_process import invoke as lab3
 from menu_graphs import MENUS, with_menus
 from places import TESTS
 from pxr import Usd, UsdGeom, UsdValidation
-from report_schema import assert_valid
+from report_examples import assert_valid
 
 import lab3_usd.stage.read.native_validators as reading
 from lab3_usd.check.registry import all_rules

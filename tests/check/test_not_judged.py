@@ -8,16 +8,16 @@ from pathlib import Path
 
 import pytest
 from foreign_robots import TICK, rover, write_graph
-from linting import linted
-from missing_assets import (
+from layerings import (
     LACKING,
     ROVER,
     behind_a_missing_robot,
     over_an_asset,
     rover_of_a_missing_asset,
 )
+from linting import linted
 from pxr import Sdf, Usd
-from scene_changes import (
+from scene_stages import (
     CAMERA,
     FLOOR,
     JOINTS,
@@ -26,16 +26,18 @@ from scene_changes import (
     ROBOT,
     Change,
     aim,
+    built,
     clear,
     hide_place,
+    model_of,
     refer,
     remove,
     retype,
     several,
+    told_after,
     weld,
     without_api,
 )
-from scene_stages import built, model_of, told_after
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.registry import Rule

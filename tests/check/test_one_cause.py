@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from pathlib import Path
 
-from invoking import invoke
+from in_process import invoke
 from linting import broken_robot, linted
 from pxr import Sdf, Usd
 

@@ -9,7 +9,7 @@ from typing import Any
 import pytest
 from breaking import Step, broken, correct_stage, judged
 from foreign_robots import TICK, write_graph
-from invoking import invoke
+from in_process import invoke
 from msgspec.structs import replace
 from pxr import Gf, Usd, UsdGeom
 

@@ -8,9 +8,9 @@ from pathlib import Path
 import pytest
 from breaking import correct_stage
 from grade_files import LAB, stage, starter
-from mini_lab import cut_wire
+from linting import add_counting_rule
 from msgspec.structs import replace
-from own_rules import add_counting_rule
+from other_labs import cut_wire
 from two_judges import all_faults
 
 from lab3_usd.check.checker import judge

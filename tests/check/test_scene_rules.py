@@ -9,7 +9,8 @@ from pathlib import Path
 import pytest
 from golden import assert_golden, findings_text
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
-from scene_changes import (
+from scene_sabotage import LIGHTS, floor_of_mesh, scene_sabotage, turned_floor
+from scene_stages import (
     CAMERA,
     FLOOR,
     JOINTS,
@@ -27,10 +28,13 @@ from scene_changes import (
     aim,
     as_matrix,
     author,
+    built,
     clear,
     deactivate,
     define,
     drive,
+    findings_of,
+    found_after,
     hide_place,
     move_prim,
     negated,
@@ -42,7 +46,10 @@ from scene_changes import (
     several,
     slab,
     slick,
+    stage_rules,
     switch,
+    told,
+    told_after,
     turn,
     undefine,
     void,
@@ -50,8 +57,6 @@ from scene_changes import (
     with_api,
     without_api,
 )
-from scene_sabotage import LIGHTS, floor_of_mesh, scene_sabotage, turned_floor
-from scene_stages import built, findings_of, found_after, stage_rules, told, told_after
 
 from lab3_usd.check.requirements import demands_of, unmet_by
 from lab3_usd.model.finding import Finding, ordered

@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 import quick_yaml
 from pxr import Gf, Sdf, Usd
-from scene_changes import (
+from scene_stages import (
     LIDAR,
     ORIENT,
     SCALE,

@@ -12,9 +12,7 @@ import pytest
 from linting import said_by
 from places import REPOSITORY, SHARED
 from pxr import Sdf, Usd
-from scene_changes import LIDAR
-from scene_stages import told
-from sensor_stages import CASES, lidar_alone, whole, with_values
+from scene_stages import CASES, LIDAR, lidar_alone, told, whole, with_values
 
 from lab3_usd.facts.formulas import NAMES
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of, sensor_faults

@@ -9,7 +9,7 @@ import pytest
 from golden import assert_golden, problems_text
 from msgspec.structs import replace
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
-from scene_changes import MATERIALS, slick
+from scene_stages import MATERIALS, slick
 from submissions import LAB, ROBOT, SPEC, edit_stage
 
 from lab3_usd.check.registry import rules_of

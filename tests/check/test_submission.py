@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from pxr import Sdf, Usd
-from report_schema import assert_valid
+from report_examples import assert_valid
 from sabotage import Fault as GraphFault
 from sabotage import graph_faults
 from submission_faults import ALL, Case, heavy, link

@@ -13,7 +13,7 @@ from typing import Any
 import pytest
 from benchmark import load_benchmark
 from breaking import the_lab
-from explained import unexplained
+from failing_students import unexplained
 from msgspec.structs import replace
 from plain_graphs import (
     errors_of,

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import models as m
 import pytest
-from invoking import invoke
+from in_process import invoke
 from msgspec.structs import replace
 from pxr import Sdf
 

@@ -9,7 +9,7 @@ from pathlib import Path
 import models as m
 import pytest
 from foreign_robots import connect, rover, write_node
-from invoking import invoke
+from in_process import invoke
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 

@@ -9,10 +9,10 @@ from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from grade_files import read_evidence
+from in_process import invoke
 from msgspec.structs import replace
 from ros_outputs import EDGES, fake_ros2, frames_gv, good_outputs
-from saved_outputs import read_evidence
 
 from lab3_usd.deliverables.evidence.saved_outputs import MANIFEST
 from lab3_usd.errors import UsageError

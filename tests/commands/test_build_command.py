@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 import pytest
-from mini_lab import LAB, in_force
+from other_labs import LAB, in_force
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics
 from starters import (
     BASE_SCAN,

@@ -16,7 +16,7 @@ import pytest
 from breaking import the_lab
 from in_process import lab3
 from pxr import Usd
-from report_schema import assert_valid
+from report_examples import assert_valid
 
 from lab3_usd import build_checkpoint
 from lab3_usd.files import write_whole

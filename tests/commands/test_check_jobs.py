@@ -21,9 +21,9 @@ import forking
 import pytest
 from click.testing import Result
 from hostile import INPUTS, Kit
-from invoking import invoke
+from in_process import invoke
 from pxr import Usd
-from report_schema import assert_valid
+from report_examples import assert_valid
 from submissions import STARTER, delete, edit, stage_name, write_submission
 
 from lab3_usd import build_checkpoint, cli

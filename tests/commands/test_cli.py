@@ -15,7 +15,7 @@ import forking
 import pytest
 from fork_server import FORKED_WORKERS
 from grade_files import starter, submission
-from invoking import invoke as lab3
+from in_process import invoke as lab3
 from places import REPOSITORY
 
 from lab3_usd import cli

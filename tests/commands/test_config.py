@@ -11,8 +11,8 @@ from typing import Any
 
 import pytest
 from breaking import Step, broken, correct_stage
-from invoking import invoke as lab3
-from report_schema import assert_valid
+from in_process import invoke as lab3
+from report_examples import assert_valid
 
 from lab3_usd.commands.config import _DEFAULTS
 from lab3_usd.config.lookup import find_file

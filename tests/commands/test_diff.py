@@ -12,10 +12,10 @@ import pytest
 from breaking import Step, broken, built, correct_stage, place, the_lab
 from click.testing import Result
 from golden import assert_golden_text
-from invoking import invoke
+from in_process import invoke
 from jsonschema import Draft202012Validator
 from pxr import Sdf, Usd, UsdGeom
-from scene_changes import (
+from scene_stages import (
     aim,
     author,
     deactivate,

@@ -9,8 +9,8 @@ from importlib import metadata
 from pathlib import Path
 
 import pytest
-from invoking import invoke
-from mini_lab import copied
+from in_process import invoke
+from other_labs import copied
 from places import REPOSITORY
 
 from lab3_usd.data import LAB_VARIABLE

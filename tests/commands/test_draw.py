@@ -7,9 +7,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import pytest
-from invoking import invoke
-from linting import broken_robot
-from own_rules import add_failing_rule
+from in_process import invoke
+from linting import add_failing_rule, broken_robot
 from places import REPOSITORY
 from pxr import Sdf, Usd
 

@@ -12,7 +12,7 @@ from breaking import correct_stage, the_lab
 from foreign_robots import rover
 from in_process import lab3
 from pxr import Usd
-from report_schema import assert_valid
+from report_examples import assert_valid
 
 from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.formats.registry import all_formats

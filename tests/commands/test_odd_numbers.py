@@ -10,7 +10,7 @@ from typing import Any
 
 import pytest
 from benchmark import load_benchmark
-from own_rules import add_failing_rule
+from linting import add_failing_rule
 
 LIDAR = "/turtlebot3_burger/base_scan/Lidar2D"
 # Which failed once.

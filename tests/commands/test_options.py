@@ -9,7 +9,7 @@ from pathlib import Path
 import click
 import pytest
 from click.testing import CliRunner
-from invoking import invoke
+from in_process import invoke
 
 from lab3_usd import build_checkpoint, cli
 from lab3_usd.commands.shared.options import complete_rules, split_rules, wants_color

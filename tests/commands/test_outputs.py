@@ -10,8 +10,8 @@ from pathlib import Path
 
 import click
 import pytest
-from invoking import invoke
-from mini_lab import copied, stage
+from in_process import invoke
+from other_labs import copied, stage
 
 from lab3_usd import cli
 from lab3_usd.commands.shared.paths import (

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from breaking import correct_stage
 from foreign_robots import rover
-from invoking import invoke as lab3
+from in_process import invoke as lab3
 from places import REPOSITORY
 from pxr import Sdf
 

@@ -20,7 +20,7 @@ from types import ModuleType, SimpleNamespace
 from typing import Any
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 
 from lab3_usd.data import LAB_VARIABLE

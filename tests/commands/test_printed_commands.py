@@ -11,7 +11,7 @@ from pathlib import Path
 import click
 import pytest
 from html_pages import read
-from invoking import invoke as lab3
+from in_process import invoke as lab3
 from places import REPOSITORY
 
 from lab3_usd import cli

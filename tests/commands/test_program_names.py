@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import CliRunner
-from invoking import invoke
+from in_process import invoke
 
 from lab3_usd.cli import lab3, main
 from lab3_usd.commands.table import all_commands

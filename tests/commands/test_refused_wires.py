@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from pxr import Sdf, Usd
 
 from lab3_usd.stage.write.builder import build_checkpoint

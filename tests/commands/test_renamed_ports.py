@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from invoking import invoke
+from in_process import invoke
 from pxr import Sdf
 
 from lab3_usd import data

@@ -6,8 +6,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from invoking import invoke
-from mini_lab import stage
+from in_process import invoke
+from other_labs import stage
 from pxr import Usd
 
 from lab3_usd import check_stage, cli

@@ -20,10 +20,10 @@ import pytest
 from breaking import Step, broken, place
 from browser import Browser
 from click.testing import Result
-from invoking import invoke
+from in_process import invoke
+from machine import eventually
 from msgspec.structs import replace
 from pxr import Sdf
-from waiting import eventually
 
 from lab3_usd.commands.shared import watching
 from lab3_usd.commands.shared.watching import changes_between

@@ -9,6 +9,7 @@ import time
 from pathlib import Path
 
 import pytest
+from grade_files import read_evidence
 from ros_outputs import (
     ACTIVE,
     EDGES,
@@ -29,7 +30,6 @@ from ros_outputs import (
     info,
     view_frames,
 )
-from saved_outputs import read_evidence
 
 from lab3_usd.deliverables.evidence.commands import is_prompt, read_command, recognise
 from lab3_usd.deliverables.evidence.outputs import (

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import yaml
-from invoking import invoke
+from in_process import invoke
 from places import SHARED
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from invoking import invoke
+from in_process import invoke
 
 from lab3_usd.deliverables.nav2_templates import (
     LAUNCH_FILE,

@@ -13,9 +13,9 @@ from pathlib import Path
 import pytest
 from breaking import Step, broken, correct_stage
 from click.testing import Result
-from invoking import invoke
-from judged_once import judged_once
-from own_rules import add_acting_rule, add_counting_rule
+from in_process import invoke
+from linting import add_acting_rule, add_counting_rule
+from made_once import judged_once
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics, UsdUtils
 
 from lab3_usd.check.match.rule_inputs import StageSubject

@@ -11,7 +11,7 @@ from fixing import has_errors, repaired_in, second_faults
 from layerings import LAYERINGS
 from pxr import Sdf, Usd, UsdGeom
 from sabotage import Fault
-from scene_changes import Change, collider, move_prim, refer, several, void, without_api
+from scene_stages import Change, collider, move_prim, refer, several, void, without_api
 from second_author import Style
 
 from lab3_usd.fix.repairing import FixOptions, fix_stage

@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from pxr import Usd
 
 ROBOT = "/World/Jetbot"

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from breaking import Step
-from invoking import invoke as lab3
+from in_process import invoke as lab3
 from linting import broken_robot
 from places import REPOSITORY
 

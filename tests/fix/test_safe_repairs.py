@@ -6,11 +6,11 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from agreement_stages import Subject, all_subjects
+from agreement import Subject, all_subjects
 from breaking import Step, correct_stage, the_lab
+from fixing import worsened
 from linting import broken_robot
 from pxr import Sdf, Usd
-from safe_repairs import worsened
 
 from lab3_usd.fix.repairing import Fixed, FixOptions, compatible, fix_linted, fix_stage
 from lab3_usd.model.changes import ClearValue, Connect, Repair, SetValue

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import pytest
-from mini_lab import in_force
+from other_labs import in_force
 from workers_here import judged_once
 
 

@@ -13,8 +13,8 @@ import pytest
 import quick_yaml
 from click.shell_completion import ShellComplete
 from html_pages import read
-from invoking import invoke
-from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
+from in_process import invoke
+from other_labs import MINI, cut_wire, files_below, stage, starter, submission
 from workers_here import graded_here, workers_here
 
 from lab3_usd.errors import UsageError

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mini_lab import stage, starter
+from other_labs import stage, starter
 from workers_here import graded_here
 
 from lab3_usd.errors import UsageError

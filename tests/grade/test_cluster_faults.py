@@ -14,8 +14,8 @@ import forking
 import pytest
 from clusters import WITHOUT_LAB3, cluster_of, graded_on, machine, scheduler
 from fork_server import FORKED_WORKERS
-from mini_lab import cut_wire, files_below, stage, starter, submission
-from waiting import eventually
+from machine import eventually
+from other_labs import cut_wire, files_below, stage, starter, submission
 from web_server import WebServer, served
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class

@@ -12,9 +12,8 @@ from typing import Any
 
 import forking
 import pytest
-from certificates import Certificates, certificates
-from clusters import local_cluster, machine, scheduler
-from mini_lab import cut_wire, files_below, stage, starter, submission
+from clusters import Certificates, certificates, local_cluster, machine, scheduler
+from other_labs import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class

@@ -18,9 +18,9 @@ from typing import Any
 import pytest
 from golden import assert_golden_text
 from html_pages import in_lines
-from invoking import invoke
-from mini_lab import MINI, cut_wire, files_below, stage, starter, submission
+from in_process import invoke
 from msgspec.structs import replace
+from other_labs import MINI, cut_wire, files_below, stage, starter, submission
 from pxr import Sdf
 from workers_here import graded_here, workers_here
 

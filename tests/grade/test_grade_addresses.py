@@ -12,7 +12,7 @@ from pathlib import Path
 from typing import Any, ClassVar
 
 import pytest
-from mini_lab import files_below, stage, starter, submission
+from other_labs import files_below, stage, starter, submission
 from workers_here import graded_here
 
 from lab3_usd.errors import UsageError

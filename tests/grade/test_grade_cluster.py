@@ -12,7 +12,7 @@ from typing import Any, NamedTuple
 
 import pytest
 from clusters import cluster_of, graded_on, machine
-from mini_lab import cut_wire, files_below, stage, starter, submission
+from other_labs import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class

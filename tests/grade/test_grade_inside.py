@@ -18,9 +18,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mini_lab import cut_wire, stage, starter, submission
+from linting import add_counting_rule, add_failing_rule
 from msgspec.structs import replace
-from own_rules import add_counting_rule, add_failing_rule
+from other_labs import cut_wire, stage, starter, submission
 from pxr import Sdf, Usd
 
 from lab3_usd.data import data_folder

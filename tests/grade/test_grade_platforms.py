@@ -9,8 +9,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mini_lab import LAB, stage, starter, submission
 from msgspec.structs import replace
+from other_labs import LAB, stage, starter, submission
 from workers_here import graded_here
 
 from lab3_usd.grade.class_run import ClassSettings

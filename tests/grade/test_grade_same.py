@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from mini_lab import files_below, stage, starter
+from other_labs import files_below, stage, starter
 from pxr import Sdf
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class

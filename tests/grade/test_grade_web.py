@@ -11,8 +11,8 @@ from subprocess import CompletedProcess
 
 import pytest
 from in_process import lab3
-from mini_lab import cut_wire, files_below, stage, starter, submission
 from msgspec.structs import replace
+from other_labs import cut_wire, files_below, stage, starter, submission
 from web_server import WebServer, served
 from workers_here import graded_here, workers_here
 

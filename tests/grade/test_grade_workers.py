@@ -20,10 +20,10 @@ from unittest.mock import patch
 
 import forking
 import pytest
-from mini_lab import starter, submission
+from machine import eventually, has_ended
 from msgspec.structs import replace
+from other_labs import starter, submission
 from pxr import Sdf, Tf
-from waiting import eventually, has_ended
 
 from lab3_usd.grade.awake import AwakeClock
 from lab3_usd.grade.intake import scratch

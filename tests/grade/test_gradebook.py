@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mini_lab import files_below
 from msgspec.structs import replace
+from other_labs import files_below
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files

@@ -17,7 +17,7 @@ import pytest
 from hostile import crate
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mini_lab import files_below
+from other_labs import files_below
 
 from lab3_usd.errors import StageError
 from lab3_usd.grade.intake.archives import ArchiveError, _common_top, is_archive, unpack

@@ -10,8 +10,8 @@ from typing import Any
 
 import pytest
 from hostile import INPUTS, Kit, make_kit, write_all
-from mini_lab import starter, submission
 from msgspec.structs import replace
+from other_labs import starter, submission
 
 from lab3_usd.grade.class_run import ClassSettings, grade_class
 from lab3_usd.grade.intake.submission_copy import Limits

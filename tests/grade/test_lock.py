@@ -15,7 +15,7 @@ from pathlib import Path
 import forking
 import pytest
 from grade_files import submission
-from mini_lab import starter
+from other_labs import starter
 from workers_here import graded_here
 
 from lab3_usd.errors import NoRoomError, UsageError

@@ -10,7 +10,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from mini_lab import stage, starter
+from other_labs import stage, starter
 from workers_here import graded_here
 
 from lab3_usd.grade.class_run import ClassSettings

@@ -8,10 +8,10 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from invoking import invoke
-from mini_lab import cut_wire, stage, starter, submission
+from in_process import invoke
+from linting import add_failing_rule
 from msgspec.structs import replace
-from own_rules import add_failing_rule
+from other_labs import cut_wire, stage, starter, submission
 from workers_here import workers_here
 
 from lab3_usd.grade import dry_runs

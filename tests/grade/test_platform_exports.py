@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from class_books import book_of, laid_out
+from class_pages import book_of, laid_out
 from hypothesis import given
 from hypothesis import strategies as st
 

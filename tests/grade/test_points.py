@@ -7,11 +7,13 @@ from collections.abc import Mapping
 from pathlib import Path
 
 import pytest
-from failing_students import Mistake, hand_in, mistakes
-from fault_chains import (
+from failing_students import (
+    Mistake,
     drops,
     grade_with,
+    hand_in,
     judged,
+    mistakes,
     opened_starter,
     played,
     rubric,
@@ -19,7 +21,7 @@ from fault_chains import (
 from grade_files import LAB, built, stage
 from msgspec.structs import replace
 from pxr import Gf, Sdf, Usd
-from scene_changes import (
+from scene_stages import (
     ROBOT,
     Change,
     author,

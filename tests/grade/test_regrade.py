@@ -10,9 +10,9 @@ from pathlib import Path
 import pytest
 import quick_yaml
 from html_pages import read
-from invoking import invoke
-from mini_lab import LAB, LAST, MINI, cut_wire, files_below, stage, starter, submission
+from in_process import invoke
 from msgspec.structs import replace
+from other_labs import LAB, LAST, MINI, cut_wire, files_below, stage, starter, submission
 from pxr import Gf, Sdf, Usd
 from workers_here import graded_here
 

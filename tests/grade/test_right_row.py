@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 import pytest
-from class_books import book_of, laid_out
+from class_pages import book_of, laid_out
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
 

@@ -13,8 +13,8 @@ import pytest
 import quick_yaml
 from hypothesis import given, settings
 from hypothesis import strategies as st
-from mini_lab import LAB, MINI
 from msgspec.structs import replace
+from other_labs import LAB, MINI
 
 from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import SpecError

@@ -11,7 +11,7 @@ from typing import Any
 
 import forking
 import pytest
-from waiting import eventually, has_ended
+from machine import eventually, has_ended
 
 from lab3_usd.grade.workers.sandbox import fence_files
 

@@ -13,8 +13,8 @@ from pathlib import Path
 import forking
 import pytest
 from click.testing import CliRunner
-from full_disk import full_disk
-from mini_lab import starter, submission
+from machine import full_disk
+from other_labs import starter, submission
 
 from lab3_usd.cli import lab3
 from lab3_usd.grade.intake import scratch

@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import quick_yaml
 from html_pages import read
-from mini_lab import MINI, starter, submission
+from other_labs import MINI, starter, submission
 from workers_here import graded_here
 
 from lab3_usd.data import data_folder

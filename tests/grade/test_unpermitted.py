@@ -7,9 +7,9 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from invoking import invoke
-from mini_lab import stage, starter, submission
+from in_process import invoke
 from msgspec.structs import replace
+from other_labs import stage, starter, submission
 
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits

@@ -12,7 +12,7 @@ from typing import Any
 
 import pytest
 from click.testing import CliRunner, Result
-from mini_lab import LAB, MINI, copied, cut_wire, stage, starter, submission
+from other_labs import LAB, MINI, copied, cut_wire, stage, starter, submission
 from pxr import Usd
 from workers_here import workers_here
 

@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from mini_lab import LAB, cut_wire, files_below, stage, starter, submission
+from other_labs import LAB, cut_wire, files_below, stage, starter, submission
 from workers_here import graded_here
 
 from lab3_usd.grade.class_run import ClassSettings

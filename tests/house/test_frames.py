@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 from breaking import correct_stage
-from invoking import invoke
+from in_process import invoke
 
 from lab3_usd.data import PACKAGE
 

@@ -18,11 +18,10 @@ from tempfile import TemporaryDirectory
 from typing import Any
 
 import pytest
-from bare_robots import BARE, with_three_graphs
 from breaking import broken, correct_stage, the_lab
 from dry_runs import EXPECTED, driven
-from foreign_robots import arm, car_and_arm, rover
-from invoking import invoke
+from foreign_robots import BARE, arm, car_and_arm, rover, with_three_graphs
+from in_process import invoke
 from msgspec.structs import replace
 from places import REPOSITORY
 from pxr import Sdf, Usd

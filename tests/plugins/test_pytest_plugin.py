@@ -8,8 +8,8 @@ from pathlib import Path
 
 import pytest
 from foreign_robots import rover
-from invoking import invoke
-from missing_assets import behind_a_missing_robot
+from in_process import invoke
+from layerings import behind_a_missing_robot
 from places import REPOSITORY
 from pxr import Sdf, Usd
 

@@ -10,7 +10,7 @@ from breaking import correct_stage
 from browser import DESKTOP, PHONE, Browser
 from class_pages import ITEMS, page_of, row
 from html_pages import DRIVE, LAB, break_ten_times, judged, page, set_value, stages
-from invoking import invoke
+from in_process import invoke
 from linting import broken_robot
 from report_examples import SUBMISSION
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 
-import mini_lab
+import other_labs
 import pytest
 from golden import assert_golden_text
 from html_pages import in_lines
@@ -120,9 +120,9 @@ def test_a_behaviour_is_told_as_it_was(name: str) -> None:
 
 
 def test_a_page_of_a_dry_run_is_as_it_was(monkeypatch: pytest.MonkeyPatch) -> None:
-    stage = mini_lab.stage("01")
+    stage = other_labs.stage("01")
     monkeypatch.chdir(stage.parent)
-    shown = page.render(replace(PLAYED, stage=stage.name), {"": REPLAY}, mini_lab.LAB, FINDINGS)
+    shown = page.render(replace(PLAYED, stage=stage.name), {"": REPLAY}, other_labs.LAB, FINDINGS)
     assert_golden_text("behaviour/page.html", in_lines(shown))
 
 

@@ -14,11 +14,11 @@ from typing import Any
 import pytest
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
 from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, stages
-from invoking import invoke
+from in_process import invoke
 from linting import broken_robot
+from machine import eventually
 from pxr import Sdf, Usd
 from report_examples import SUBMISSION, hostile
-from waiting import eventually
 
 from lab3_usd.grade.gradebook import HTML, write_reports
 from lab3_usd.grade.rubric import load_rubric

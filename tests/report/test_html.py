@@ -23,10 +23,10 @@ from html_pages import (
     since,
     stages,
 )
-from invoking import invoke
+from in_process import invoke
 from linting import broken_robot
-from mini_lab import copied
 from msgspec.structs import replace
+from other_labs import copied
 from places import REPOSITORY
 from pxr import Usd
 from report_examples import (

@@ -8,7 +8,7 @@ from pathlib import Path
 
 import pytest
 from grade_files import LAB, stage, submission
-from invoking import invoke
+from in_process import invoke
 from msgspec.structs import replace
 from pxr import Sdf
 from report_examples import MISSING_WIRE

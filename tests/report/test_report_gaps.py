@@ -7,8 +7,7 @@ from xml.etree import ElementTree as ET
 
 import pytest
 from msgspec.structs import replace
-from report_examples import GAP, NOT_JUDGED, PASSED
-from report_schema import assert_valid
+from report_examples import GAP, NOT_JUDGED, PASSED, assert_valid
 
 from lab3_usd.model.finding import BuiltParts, NodeCoverage, Report
 from lab3_usd.report.entries import coverage_line

@@ -9,8 +9,17 @@ from typing import Any
 import pytest
 from jsonschema import Draft202012Validator
 from msgspec.structs import replace
-from report_examples import CRASHED, EMPTY, FAILED, HOSTILE, REPORT, hostile
-from report_schema import assert_valid, problems_of, validator
+from report_examples import (
+    CRASHED,
+    EMPTY,
+    FAILED,
+    HOSTILE,
+    REPORT,
+    assert_valid,
+    hostile,
+    problems_of,
+    validator,
+)
 
 from lab3_usd.model.finding import Report, Requirement, StageResult
 from lab3_usd.report.formats.json_report import dump, error_report, report_json

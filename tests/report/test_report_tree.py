@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 from breaking import broken
-from invoking import invoke
+from in_process import invoke
 from msgspec.structs import replace
 
 from lab3_usd.facts.frame_targets import UnresolvedFrames

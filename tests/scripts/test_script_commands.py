@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from foreign_robots import rover
 from in_process import lab3
-from report_schema import assert_valid
+from report_examples import assert_valid
 from scripted import as_script
 
 from lab3_usd.pipeline.stage import JudgeSettings, lint_stage

@@ -8,8 +8,8 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import pytest
-from any_stages import BRIEFLY, FIXED, WHOLE, bad, by_name, played
 from breaking import correct_stage
+from dry_runs import BRIEFLY, FIXED, WHOLE, bad, by_name, played
 from foreign_robots import (
     add_api,
     arm,
@@ -20,9 +20,9 @@ from foreign_robots import (
     truck,
     write_node,
 )
-from invoking import invoke
+from in_process import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom
-from report_schema import dry_run_of
+from report_examples import dry_run_of
 from robot_kinds import fleet, four_wheels, mobile, rollers
 
 from lab3_usd.errors import UsageError

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from any_stages import FIXED, WHOLE, bad, by_name, played
+from dry_runs import FIXED, WHOLE, bad, by_name, played
 from foreign_robots import add_api, connect, revolute, rover, wheel, write_node
 from lone_nodes import node, world
 from pxr import Sdf, Usd

@@ -10,7 +10,7 @@ from dry_runs import DRIVE, SHORT, TO_THE_WALL, driven, faults
 from fault_stages import MOTION
 from layerings import one_text_file
 from pxr import Gf, Sdf, Usd, UsdGeom
-from scene_changes import ROBOT, put
+from scene_stages import ROBOT, put
 from second_author import Style
 
 from lab3_usd.sim.execution.drive import Session, drive_of

@@ -15,7 +15,7 @@ from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
 from golden import assert_golden_case
 from linting import linted
 from places import REPOSITORY
-from scene_changes import CAMERA
+from scene_stages import CAMERA
 
 from lab3_usd.check.explanations import EXPLAINED_BY
 from lab3_usd.check.registry import all_rules

@@ -7,7 +7,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from lone_nodes import node, world
 from pxr import Sdf, Usd
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from any_stages import FIXED, WHOLE, bad, by_name, played
+from dry_runs import FIXED, WHOLE, bad, by_name, played
 from foreign_robots import (
     CONTEXT,
     TICK,
@@ -20,7 +20,7 @@ from foreign_robots import (
     rover,
     write_graph,
 )
-from invoking import invoke
+from in_process import invoke
 from lone_nodes import node
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 

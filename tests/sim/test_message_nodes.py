@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from any_stages import by_name, played
+from dry_runs import by_name, played
 from foreign_robots import arm, connect, rover, write_node
 from lone_nodes import node
 from pxr import Sdf

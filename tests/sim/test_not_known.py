@@ -8,8 +8,7 @@ import pytest
 from breaking import Step, broken, correct_stage
 from dry_runs import SHORT, driven
 from pxr import Sdf, Usd
-from scene_changes import LIDAR, Change, clear, drive, put, several
-from sensor_stages import CASES, with_values
+from scene_stages import CASES, LIDAR, Change, clear, drive, put, several, with_values
 
 from lab3_usd.model.dry_run import Check
 from lab3_usd.sim.judge.checks import CHECKS, judge

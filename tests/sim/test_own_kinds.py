@@ -6,9 +6,9 @@ import json
 from pathlib import Path
 
 import pytest
-from any_stages import by_name, played
+from dry_runs import by_name, played
 from foreign_robots import car, truck
-from invoking import invoke
+from in_process import invoke
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 from robot_kinds import by_prefixes, in_namespaces, rollers
 

@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from any_stages import played
+from dry_runs import played
 from linting import broken_robot, linted, said_by
 from places import TESTS
 from robot_kinds import KINDS

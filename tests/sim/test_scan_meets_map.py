@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 from breaking import correct_stage, the_lab
 from dry_runs import EXPECTED, driven
-from invoking import invoke
+from in_process import invoke
 from pxr import Gf, Usd, UsdGeom
-from scene_changes import LIDAR, ORIENT, put
+from scene_stages import LIDAR, ORIENT, put
 
 from lab3_usd.data import data_folder
 from lab3_usd.deliverables.maps import MapError, map_of_stage, read_map

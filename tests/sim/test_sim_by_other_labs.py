@@ -9,10 +9,10 @@ from pathlib import Path
 
 import pytest
 import quick_yaml
-from any_stages import BRIEFLY
 from breaking import the_lab
+from dry_runs import BRIEFLY
 from foreign_robots import rover
-from invoking import invoke
+from in_process import invoke
 from msgspec.structs import replace
 
 from lab3_usd.sim.judge.topics import expected_at

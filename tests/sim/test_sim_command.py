@@ -10,17 +10,16 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from any_stages import BRIEFLY, FIXED
 from benchmark import load_benchmark
 from breaking import Step, broken, correct_stage, the_lab
 from click.testing import Result
-from dry_runs import EXPECTED
-from invoking import invoke
+from dry_runs import BRIEFLY, EXPECTED, FIXED
+from in_process import invoke
 from msgspec.structs import replace
 from places import REPOSITORY
 from pxr import Sdf, Usd
-from report_schema import assert_valid, dry_run_of
-from scene_changes import CAMERA, LIDAR, ROBOT, put, switch
+from report_examples import assert_valid, dry_run_of
+from scene_stages import CAMERA, LIDAR, ROBOT, put, switch
 
 from lab3_usd.cli import main
 from lab3_usd.errors import UsageError

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 import pytest
 from breaking import correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom
-from scene_changes import (
+from scene_stages import (
     FLOOR,
     JOINTS,
     ROBOT,

@@ -10,8 +10,8 @@ import pytest
 from breaking import broken, correct_stage, the_lab
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
 from fault_stages import STAGES
-from invoking import invoke
-from waiting import eventually
+from in_process import invoke
+from machine import eventually
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour, Frame

@@ -6,7 +6,7 @@ import math
 from pathlib import Path
 
 import pytest
-from any_stages import BRIEFLY, by_name, played
+from dry_runs import BRIEFLY, by_name, played
 from foreign_robots import add_api, body, revolute, wheel
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from robot_kinds import mobile

@@ -8,7 +8,7 @@ import pytest
 from breaking import correct_stage
 from dry_runs import SHORT, driven
 from pxr import Gf, Usd
-from scene_changes import (
+from scene_stages import (
     FLOOR,
     JOINTS,
     LINKS,

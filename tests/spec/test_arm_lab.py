@@ -14,10 +14,8 @@ from pathlib import Path
 from typing import Any
 
 import pytest
-from invoking import invoke
-from pxr import Sdf, Usd
-from recordings import on, rewritten
-from seven_joints import (
+from in_process import invoke
+from other_labs import (
     COMMANDS,
     FILES,
     JOINTS,
@@ -28,6 +26,8 @@ from seven_joints import (
     describe,
     write_stages,
 )
+from pxr import Sdf, Usd
+from recordings import on, rewritten
 from workers_here import workers_here
 
 from lab3_usd.errors import UsageError

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 from pxr import Usd
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from invoking import invoke
-from mini_lab import copied
+from in_process import invoke
+from other_labs import copied
 from pxr import Usd
 
 from lab3_usd.author.api import Stage

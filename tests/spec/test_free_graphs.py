@@ -7,8 +7,8 @@ from pathlib import Path
 
 import pytest
 import quick_yaml
-from invoking import invoke
-from mini_lab import copied
+from in_process import invoke
+from other_labs import copied
 from pxr import Sdf
 
 from lab3_usd.errors import SpecError

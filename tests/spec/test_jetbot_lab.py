@@ -15,7 +15,7 @@ from types import ModuleType
 import pytest
 from benchmark import load_benchmark
 from click.testing import Result
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 from pxr import Usd
 from workers_here import workers_here

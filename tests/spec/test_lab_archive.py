@@ -8,7 +8,7 @@ import zipfile
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from workers_here import workers_here
 
 from lab3_usd.data import LAB_VARIABLE

@@ -9,8 +9,8 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from invoking import invoke
-from mini_lab import MINI, built, copied
+from in_process import invoke
+from other_labs import MINI, built, copied
 from places import REPOSITORY
 
 from lab3_usd.data import data_folder

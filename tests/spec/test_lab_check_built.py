@@ -6,7 +6,7 @@ import shutil
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 
 from lab3_usd.errors import SpecError

@@ -7,7 +7,7 @@ from pathlib import Path
 
 import pytest
 import yaml
-from another_robot import write_stage
+from other_labs import write_stage
 from pxr import Sdf, Usd
 
 from lab3_usd.new_lab.lab import describe_lab

@@ -9,11 +9,10 @@ from pathlib import Path
 
 import pytest
 import yaml
-from another_robot import OWN, OWN_WIRES, write_stage
 from golden import assert_golden_text
-from invoking import invoke
-from mini_lab import files_below
+from in_process import invoke
 from msgspec.structs import replace
+from other_labs import OWN, OWN_WIRES, files_below, write_stage
 from places import REPOSITORY, SHARED, TESTS
 from pxr import Sdf, Usd
 

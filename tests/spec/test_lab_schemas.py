@@ -8,7 +8,7 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from invoking import invoke
+from in_process import invoke
 from jsonschema import Draft202012Validator
 from places import REPOSITORY, TESTS
 

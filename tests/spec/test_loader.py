@@ -11,7 +11,7 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from mini_lab import MINI
+from other_labs import MINI
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError

@@ -12,7 +12,7 @@ from pathlib import Path
 import in_process
 import pytest
 from click.testing import Result
-from invoking import invoke
+from in_process import invoke
 from places import TESTS
 from pxr import Sdf, Usd
 from workers_here import workers_here

@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 
 from lab3_usd.data import LAB_VARIABLE

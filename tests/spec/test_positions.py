@@ -5,8 +5,8 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from invoking import invoke
-from mini_lab import MINI, copied
+from in_process import invoke
+from other_labs import MINI, copied
 
 from lab3_usd.errors import SpecError
 

@@ -6,7 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from pxr import Sdf, Usd
 
 from lab3_usd.errors import SpecError

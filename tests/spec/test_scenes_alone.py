@@ -5,7 +5,7 @@ from __future__ import annotations
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from pxr import Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.pipeline.stage import check_stage

@@ -11,7 +11,7 @@ from pathlib import Path
 
 import pytest
 from click.testing import Result
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 from pxr import Usd
 

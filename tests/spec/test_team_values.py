@@ -6,8 +6,8 @@ import shutil
 from pathlib import Path
 
 import pytest
-from invoking import invoke
-from mini_lab import copied
+from in_process import invoke
+from other_labs import copied
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UnknownTeamError, UsageError

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY
 from pxr import Sdf
 

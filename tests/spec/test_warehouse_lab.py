@@ -15,7 +15,7 @@ from typing import Any
 import pytest
 import yaml
 from click.testing import Result
-from invoking import invoke
+from in_process import invoke
 from places import REPOSITORY, TESTS
 from pxr import Gf, Sdf, Usd
 from workers_here import workers_here

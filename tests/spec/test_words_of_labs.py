@@ -8,12 +8,11 @@ from collections.abc import Iterator, Mapping
 from pathlib import Path
 
 import pytest
-from any_stages import BRIEFLY
-from invoking import invoke
-from mini_lab import files_below
+from dry_runs import BRIEFLY
+from in_process import invoke
+from other_labs import describe, files_below, write_stages
 from places import REPOSITORY
 from pxr import Usd
-from seven_joints import describe, write_stages
 from workers_here import workers_here
 
 from lab3_usd.commands.table import all_commands

@@ -11,9 +11,9 @@ from typing import Any
 
 import forking
 import pytest
-from mini_lab import LAB, LAST, in_force
+from other_labs import LAB, LAST, in_force
 from pxr import Sdf, Tf, Usd, UsdUtils
-from scene_changes import deactivate, define, remove, several
+from scene_stages import deactivate, define, remove, several
 from starters import (
     BASE_SCAN,
     COMMENT,

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from breaking import copied, correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
-from scene_changes import aim, clear, put, retype, switch, without_api
+from scene_stages import aim, clear, put, retype, switch, without_api
 
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import Change, Difference

@@ -7,7 +7,7 @@ from collections.abc import Callable
 import pytest
 from breaking import copied, correct_stage
 from pxr import Gf, Usd, UsdShade
-from scene_changes import author, define, move_prim, several, switch, weld, with_api
+from scene_stages import author, define, move_prim, several, switch, weld, with_api
 from submissions import LAB, SPEC
 
 from lab3_usd.check.registry import rules_of

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from breaking import copied, correct_stage
 from pxr import Gf, Sdf, Usd
-from scene_changes import (
+from scene_stages import (
     aim,
     clear,
     deactivate,

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from breaking import correct_stage
-from compounds import COMPOUND, into_compound
+from lone_nodes import COMPOUND, into_compound
 from pxr import Sdf, Usd
 
 from lab3_usd.fix.repairing import FixOptions, fix_stage

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from invoking import invoke
-from own_rules import add_failing_rule
+from in_process import invoke
+from linting import add_failing_rule
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.check.checker import judge

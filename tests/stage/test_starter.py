@@ -9,7 +9,7 @@ from typing import Any
 
 import pytest
 import quick_yaml
-from invoking import invoke
+from in_process import invoke
 from places import SHARED
 from pxr import Gf, Usd, UsdGeom, UsdPhysics
 

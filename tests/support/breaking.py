@@ -12,8 +12,8 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any
 
+from made_once import copy_of
 from pxr import Sdf, Ts, Usd
-from splines_noted import copy_of
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.rule_runs import RuleResults

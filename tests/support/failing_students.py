@@ -1,22 +1,224 @@
-"""A class of students who made one mistake each, and carried it along to the last stage."""
+"""Students with one mistake or a chain of them, carried along, and which points are explained."""
 
 from __future__ import annotations
 
+import random
 import shutil
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
+from functools import cache, lru_cache
 from pathlib import Path
+from tempfile import TemporaryDirectory
 
 from breaking import Step, the_lab
 from fault_stages import STAGES, steps
+from grade_files import LAB, stage, starter
 from msgspec import Struct
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 from quick_yaml import load
-from scene_changes import Change
 from scene_sabotage import scene_sabotage
+from scene_stages import Change
 
 from lab3_usd.check.checker import judge
+from lab3_usd.check.match.graphs import match_all
+from lab3_usd.check.match.rule_inputs import Roles
+from lab3_usd.check.robot.location import relocated_lab, relocated_spec, robot_relocations
+from lab3_usd.check.robot.sensors import sensor_relocations
+from lab3_usd.grade.dry_runs import with_dry_runs
+from lab3_usd.grade.rubric import Rubric, load_rubric
+from lab3_usd.grade.scoring import Grade, StageFacts, SubmissionFacts, facts_of, grade_facts
+from lab3_usd.model.finding import Finding, Requirement
+from lab3_usd.model.stage import StageModel
+from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.starter_comparison import Starter, against_starter, open_starter
+from lab3_usd.spec.lab import Lab
 from lab3_usd.stage.read.stage_reader import read_model
+
+
+def unexplained(
+    lab: Lab,
+    stage: StageModel,
+    requirements: Iterable[Requirement],
+    findings: Iterable[Finding],
+) -> list[str]:
+    """Return the ids of the unmet requirements that no finding speaks of."""
+    told = list(findings)
+    placed = relocated_lab(lab, robot_relocations(lab, stage))
+    relocations = sensor_relocations(placed, stage)
+    specs = {name: relocated_spec(spec, relocations) for name, spec in placed.graphs.items()}
+    roles = match_all(specs, stage)
+    return [
+        requirement.id
+        for requirement in requirements
+        if not requirement.met and not any(_speaks(found, requirement, roles) for found in told)
+    ]
+
+
+def _speaks(found: Finding, asked: Requirement, roles: Mapping[str, Roles]) -> bool:
+    if asked.kind == "scene":
+        return found.severity == "error"  # met unless an error concerns it
+    if asked.kind == "frame":
+        return _speaks_of_frame(found, asked.id.rpartition("/")[2])
+    if _names_graph(found, asked.group):
+        return True
+    ends = list(_ends(asked))
+    own = roles[asked.group]
+    if any(_says_gone(found, role, own) for role, _ in ends):
+        return True
+    return asked.kind != "node" and any(_names(found, role, port, own) for role, port in ends)
+
+
+def _names_graph(found: Finding, name: str) -> bool:
+    if found.rule == "G01":
+        return f"graph {name} is missing" in found.message
+    return name in found.message.partition("; missing with it: ")[2].split(", ")
+
+
+def _ends(asked: Requirement) -> Iterator[tuple[str, str]]:
+    """Yield the roles and ports that a requirement of a graph is about."""
+    ends = asked.title.split(" -> ") if asked.kind == "wire" else [asked.id.rpartition("/")[2]]
+    for end in ends:
+        role, _, port = end.partition(".")
+        yield role, port
+
+
+def _says_gone(found: Finding, role: str, roles: Roles) -> bool:
+    if found.rule == "N01":
+        return roles.graph is not None and (
+            found.prim == roles.graph.path and f"({role})" in found.message
+        )
+    other = roles.retyped.get(role)
+    return found.rule == "N03" and other is not None and found.prim == other.path
+
+
+def _names(found: Finding, role: str, port: str, roles: Roles) -> bool:
+    node = roles.node_of[role]
+    if node is None:
+        return False
+    site = f"{node.path}.inputs:{port}"
+    return site == f"{found.prim}.{found.property}" or site in found.related
+
+
+def _speaks_of_frame(found: Finding, frame: str) -> bool:
+    return frame in f"{found.prim} {found.message} {found.expected}"
+
+
+LONGEST = 4
+TRIED = 60  # mistakes for one chain
+
+
+@cache
+def _known() -> tuple[Mistake, ...]:
+    return tuple(mistake for mistake in mistakes() if mistake.changes)
+
+
+@cache
+def opened_starter() -> Starter:
+    return open_starter(starter(), LAB)
+
+
+@cache
+def rubric() -> Rubric:
+    return load_rubric(None, LAB)
+
+
+def chain(number: int, checkpoint: str) -> Iterator[tuple[str, Grade]]:
+    """Yield the grades of a submission as its stage of a checkpoint gets one mistake after another.
+
+    The same ones for the same number; first without any. What is no fault by itself is left out.
+    So is what changes the same as another, which it could repair, and what leaves nothing of
+    another: the mistakes of a stage are then not one more. Where little is left to break, a chain
+    is shorter.
+    """
+    chance = random.Random(f"{number} {checkpoint}")  # noqa: S311 - no secret
+    made: list[Mistake] = []
+    yield "right", grade_with(checkpoint)
+    for mistake in chance.sample(_known(), TRIED):
+        if _stands_beside(mistake, made, checkpoint) and judged(checkpoint, mistake).faults:
+            made.append(mistake)
+            yield mistake.name, grade_with(checkpoint, *made)
+        if len(made) == LONGEST:
+            return
+
+
+def _stands_beside(mistake: Mistake, made: list[Mistake], checkpoint: str) -> bool:
+    """Whether a stage with a mistake more has all of them, in whatever order they are made."""
+    lines = _lines(checkpoint, *made, mistake)
+    without = ([other for other in made if other is not one] for one in made)
+    return (
+        lines != _lines(checkpoint, *made)
+        and lines == _lines(checkpoint, mistake, *made)
+        and all(lines != _lines(checkpoint, *others, mistake) for others in without)
+    )
+
+
+def _lines(checkpoint: str, *made: Mistake) -> list[str]:
+    return sorted(_broken(checkpoint, *made)[1].splitlines())
+
+
+@lru_cache(200)
+def _broken(checkpoint: str, *made: Mistake) -> tuple[Sdf.Layer, str]:
+    """Return the right stage of a checkpoint after mistakes, to be copied, and its text."""
+    if not made:
+        layer = Sdf.Layer.FindOrOpen(str(stage(checkpoint)))
+        return layer, layer.ExportToString()
+    before, text = _broken(checkpoint, *made[:-1])
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    layer.TransferContent(before)
+    return layer, made[-1].made_in(Usd.Stage.Open(layer), text)
+
+
+@cache
+def grade_with(checkpoint: str, *made: Mistake) -> Grade:
+    """Return the grade of a submission of right stages, with mistakes in that of a checkpoint."""
+    stages = [StageFacts(other, other, readable=True) for other in LAB.checkpoints]
+    stages[[*LAB.checkpoints].index(checkpoint)] = played(checkpoint, *made)
+    return grade_facts(rubric(), SubmissionFacts(tuple(stages)))
+
+
+@cache
+def judged(checkpoint: str, *made: Mistake) -> StageFacts:
+    """Return what a grade needs to know of a stage with mistakes, without a dry run."""
+    with _judged(checkpoint, made) as facts:
+        return facts.stages[0]
+
+
+def played(checkpoint: str, *made: Mistake) -> StageFacts:
+    """Return what a grade needs to know of a stage with mistakes."""
+    with _judged(checkpoint, made) as facts:
+        return with_dry_runs(facts, LAB, {}).stages[0]
+
+
+@contextmanager
+def _judged(checkpoint: str, made: Sequence[Mistake]) -> Iterator[SubmissionFacts]:
+    with TemporaryDirectory() as folder:
+        path = Path(folder) / stage(checkpoint).name
+        path.write_text(_broken(checkpoint, *made)[1])
+        result = against_starter(check_stage(path, checkpoint, LAB), opened_starter(), LAB)
+        yield facts_of([result], rubric().required)
+
+
+def drops(number: int, checkpoint: str) -> list[str]:
+    """Return where a chain does not hold: a mistake more earned more."""
+    found = []
+    names: list[str] = []
+    last: Grade | None = None
+    for name, grade in chain(number, checkpoint):
+        names.append(name)
+        if last is not None and (
+            grade.earned > last.earned or (grade.percent or 0) > (last.percent or 0)
+        ):
+            steps = " + ".join(names)
+            items = [
+                f"{after.id} {before.earned:g} -> {after.earned:g}"
+                for before, after in zip(last.items, grade.items, strict=True)
+                if after.earned > before.earned
+            ]
+            found.append(f"{checkpoint}: {steps}: {', '.join(items)}")
+        last = grade
+    return found
+
 
 CASES = Path(__file__).resolve().parents[1] / "cases"
 GRAPHS = ("ROS_Clock", "ROS_Drive", "ROS_Lidar2D", "ROS_Camera", "ROS_OdomTF")

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from breaking import STEPS, Step
 from pxr import Gf
-from scene_changes import (
+from scene_stages import (
     CAMERA,
     JOINTS,
     LIDAR,

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from pxr import Gf, Usd, UsdGeom
 from sabotage import Fault
-from scene_changes import (
+from scene_stages import (
     ORIENT,
     SCALE,
     TRANSLATE,

@@ -1,7 +1,9 @@
-"""Lints stages in memory, and says what was found."""
+"""Lints stages in memory and says what was found, also with rules of a test's own."""
 
 from __future__ import annotations
 
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from typing import Any
 
 from breaking import STEPS
@@ -9,10 +11,47 @@ from pxr import Usd
 from robot_kinds import KINDS
 
 from lab3_usd.check.lint import lint
-from lab3_usd.check.registry import all_rules
+from lab3_usd.check.match.rule_inputs import StageSubject
+from lab3_usd.check.registry import _RULES, Scope, all_rules, rule, without_rules
 from lab3_usd.check.rule_runs import RuleResults, run_rule
+from lab3_usd.model.finding import Problem
+from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.any_stage import lint_platform, lint_subject
 from lab3_usd.stage.read.stage_reader import read_model
+
+
+@contextmanager
+def registered_for_a_while() -> Iterator[None]:
+    """Forget the rules that others than this program register meanwhile."""
+    usual = set(_RULES)
+    yield
+    made_by = {name: _RULES[name].check.__module__ for name in set(_RULES) - usual}
+    without_rules(name for name, module in made_by.items() if not module.startswith("lab3_usd"))
+
+
+def add_failing_rule(rule_id: str, scope: Scope, error: type[Exception], *said: str) -> None:
+    """Register a rule that fails by itself, once it has yielded a problem."""
+
+    @rule(rule_id, "failing", scope=scope)
+    def failing(_subject: object) -> Iterator[Problem]:
+        """Nothing is wrong."""
+        yield Problem("/", "said before the failure")
+        raise error(*said)
+
+
+def add_acting_rule(rule_id: str, act: Callable[[StageSubject], object]) -> None:
+    """Register a rule of the scene that does something when it is asked, and finds nothing."""
+
+    @rule(rule_id, f"acting-{rule_id.lower()}", scope="stage")
+    def acting(subject: StageSubject) -> Iterator[Problem]:
+        """Nothing is wrong."""
+        act(subject)
+        yield from ()
+
+
+def add_counting_rule(rule_id: str, asked: list[StageModel]) -> None:
+    """Register a rule of the scene that notes which stage it is asked about, and finds nothing."""
+    add_acting_rule(rule_id, lambda subject: asked.append(subject.stage))
 
 
 def linted(stage: Usd.Stage, release: str = "6.0", moved_from: str = "") -> RuleResults:

@@ -5,7 +5,8 @@ from __future__ import annotations
 import math
 
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
-from scene_changes import (
+from sabotage import sensor_sabotage
+from scene_stages import (
     FLOOR,
     JOINTS,
     LINKS,
@@ -39,7 +40,6 @@ from scene_changes import (
     with_api,
     without_api,
 )
-from sensor_sabotage import sensor_sabotage
 
 
 def _no_wheel_collision(wheel: str) -> Change:

@@ -11,10 +11,10 @@ from tempfile import mkdtemp
 from typing import Any
 from unittest.mock import patch
 
+from made_once import copy_of
 from msgspec.structs import replace
 from pxr import Sdf, Usd
 from ros_outputs import good_outputs
-from splines_noted import copy_of
 
 from lab3_usd.data import data_folder
 from lab3_usd.deliverables.evidence import saved_outputs as evidence_reader

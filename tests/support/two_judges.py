@@ -5,19 +5,18 @@ from __future__ import annotations
 import atexit
 import re
 import sys
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from functools import cache
 from pathlib import Path
 from tempfile import TemporaryDirectory
 
-from accepted import known_rows, table
+import quick_yaml
 from breaking import correct_stage, judged, the_lab
-from dry_runs import driven, faults
+from dry_runs import differences, driven, faults
 from msgspec import Struct, convert
-from places import REPOSITORY
+from places import REPOSITORY, TESTS
 from pxr import Usd
 from random_edits import edit
-from run_differences import differences
 from sabotage import Fault, graph_faults
 
 from lab3_usd.model.finding import Finding
@@ -30,6 +29,38 @@ from lab3_usd.stage.write.starter import build_starter
 sys.path.insert(0, str(REPOSITORY / "benchmarks"))
 
 from sweep import scene_faults
+
+TABLE = TESTS / "disagreements.yaml"
+
+
+class Row(Struct, frozen=True):
+    """A difference that is known: which faults, and why the judges see them otherwise."""
+
+    title: str
+    faults: tuple[str, ...]  # regular expressions for whole names
+    happens: str
+    reason: str
+
+    def holds(self, fault: str) -> bool:
+        return any(re.fullmatch(each, fault) for each in self.faults)
+
+
+@cache
+def table() -> dict[str, object]:
+    content: dict[str, object] = quick_yaml.load(TABLE.read_text(encoding="utf-8"))
+    return content
+
+
+@cache
+def known_rows(section: str = "disagreements") -> list[Row]:
+    return convert(table()[section], list[Row])
+
+
+def idle_rows(names: Iterable[str], section: str = "disagreements") -> list[str]:
+    """Return the rows that are about none of these faults."""
+    known = list(names)
+    return [row.title for row in known_rows(section) if not any(map(row.holds, known))]
+
 
 DRIVE = fixed_drive()
 CHECKPOINT = "05"

@@ -18,7 +18,7 @@ from threading import Lock
 from typing import NamedTuple
 from unittest.mock import patch
 
-import mini_lab
+import other_labs
 from msgspec.structs import replace
 
 from lab3_usd.data import LAB_VARIABLE
@@ -74,7 +74,7 @@ def _grade_once(
     setup: GradingSetup, task: Task, staged: StagedSubmission, announce: Callable[[str], None]
 ) -> Json:
     starter = Path(setup.starter.path) if setup.starter else Path(os.devnull)
-    if setup.supplied_map or setup.supplied or os.environ.get(LAB_VARIABLE) != str(mini_lab.MINI):
+    if setup.supplied_map or setup.supplied or os.environ.get(LAB_VARIABLE) != str(other_labs.MINI):
         return GRADE(setup, task, staged, announce)
     asked = replace(task, sources=(), known="", folder="")
     copied = replace(staged, folder=Path())
@@ -102,8 +102,8 @@ def _start(settings: PoolSettings, _stopped: Callable[[], bool]) -> WorkerHere:
 
 def _setup(settings: PoolSettings) -> GradingSetup:
     """Load what is judged with; once for equal settings with the starter of the small lab."""
-    is_mini = os.environ.get(LAB_VARIABLE) == str(mini_lab.MINI)
-    if not is_mini or settings.starter != mini_lab.starter() or settings.assets:
+    is_mini = os.environ.get(LAB_VARIABLE) == str(other_labs.MINI)
+    if not is_mini or settings.starter != other_labs.starter() or settings.assets:
         return worker_main.load_setup(settings)
     rubric = settings.rubric.read_bytes() if settings.rubric else b""
     key = repr(replace(settings, readable=(), jobs=1)), rubric
@@ -126,7 +126,7 @@ _JUDGED: dict[tuple[str, Path | None], StageResult] = {}
 
 def _judge_once(path: str, settings: JudgeSettings, at: tuple[Lab, str]) -> StageResult:
     starter = settings.starter.path if isinstance(settings.starter, Starter) else None
-    if starter not in {None, mini_lab.starter()} or not _is_right(path, at[1]):
+    if starter not in {None, other_labs.starter()} or not _is_right(path, at[1]):
         return judge_stage(path, settings, at)
     key = at[1], starter
     if key not in _JUDGED:
@@ -136,6 +136,6 @@ def _judge_once(path: str, settings: JudgeSettings, at: tuple[Lab, str]) -> Stag
 
 def _is_right(path: str, number: str) -> bool:
     """Whether a file is the stage of a checkpoint that the small lab builds."""
-    if os.environ.get(LAB_VARIABLE) != str(mini_lab.MINI):
+    if os.environ.get(LAB_VARIABLE) != str(other_labs.MINI):
         return False
-    return Path(path).read_bytes() == mini_lab.stage(number).read_bytes()
+    return Path(path).read_bytes() == other_labs.stage(number).read_bytes()

@@ -1,12 +1,27 @@
-"""Waiting for what other processes do."""
+"""A disk that is full, and waiting for what other processes do."""
 
 from __future__ import annotations
 
 import os
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from contextlib import contextmanager
 from pathlib import Path
+
+import pytest
+
+
+@contextmanager
+def full_disk() -> Iterator[None]:
+    """Let files be made here, and nothing be written into them ("File too large")."""
+    resource = pytest.importorskip("resource", reason="this platform has no limits")
+    usual, most = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (0, most))
+    try:
+        yield
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, (usual, most))
 
 
 def eventually(holds: Callable[[], object]) -> bool:
