@@ -16,7 +16,7 @@ from report_examples import assert_valid
 
 from lab3_usd.commands.config import _DEFAULTS
 from lab3_usd.config.lookup import find_file
-from lab3_usd.config.settings import _KEYS, Config, config_for, load_config
+from lab3_usd.config.settings import _KEYS, Config, config_for, load_config, reading_for
 from lab3_usd.data import LAB_VARIABLE, data_folder
 from lab3_usd.errors import Lab3Error, UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
@@ -242,6 +242,32 @@ def test_a_parameter_of_a_rule_decides_what_it_finds(tmp_path: Path, name: str) 
     assert "K64" in linted(stage)
     set_up(tmp_path, f"[parameters.{name}]\ntolerance = 0.5")
     assert "K64" not in linted(stage)
+
+
+def shown(tmp_path: Path, stage: Path) -> tuple[bool, bool]:
+    """Whether the dry run names K64 as the reason, and the picture of the drive has a warning."""
+    played = lab3("sim", stage, "--color", "never").stdout
+    drawn = lab3("draw", "--lint", stage, "-o", tmp_path / "pictures", "--force")
+    assert drawn.exit_code == 0
+    picture = (tmp_path / "pictures" / "wide-ROS_Drive.svg").read_text(encoding="utf-8")
+    assert "turned 300.0, expected 121.0" in played
+    return "(lab3 rule K64)" in played, "with a warning" in picture
+
+
+def test_what_is_drawn_and_played_is_judged_with_the_parameters_of_lint(tmp_path: Path) -> None:
+    stage = tmp_path / "wide.usda"
+    correct_stage("02").GetRootLayer().Export(str(stage))
+    text = stage.read_text(encoding="utf-8")
+    stage.write_text(text.replace("wheelDistance = 0.16", "wheelDistance = 0.4"), encoding="utf-8")
+    assert shown(tmp_path, stage) == (True, True)
+    set_up(tmp_path, "[parameters.K64]\ntolerance = 0.9")
+    assert shown(tmp_path, stage) == (False, False)
+
+
+def test_parameters_of_custom_rules_that_are_not_loaded_are_left_out(tmp_path: Path) -> None:
+    own, known = "[parameters.O01]\nlimit = 1", "[parameters.K64]\ntolerance = 0.9"
+    set_up(tmp_path, f'rules = ["own.py"]\n{own}\n{known}')
+    assert reading_for(tmp_path / "a.usda").parameters == ((("K64", "tolerance"), 0.9),)
 
 
 # ---- what is wrong with it

@@ -17,6 +17,7 @@ from lab3_usd.author.places import graph_to_extend, new_path
 from lab3_usd.author.request import Options, Request, checked
 from lab3_usd.author.rivals import rivals
 from lab3_usd.author.task import Hole, Task
+from lab3_usd.check.registry import Parameters
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.facts.frame_targets import frame_of_prim, tf_ports
 from lab3_usd.facts.frames import all_edges
@@ -79,11 +80,15 @@ class Added(Struct, frozen=True):
 
 
 class AddOptions(Struct, frozen=True):
-    """How to add: by which release, in spite of findings or not, in place of graphs or not."""
+    """How to add: by which release, in spite of findings or not, in place of graphs or not.
+
+    `parameters` are those of the rules that judge the result.
+    """
 
     release: str
     force: bool = False
     replaces: bool = False
+    parameters: Parameters = ()
 
 
 @quiet()
@@ -96,7 +101,7 @@ def add_graphs(path: Path, requests: Sequence[Request], options: AddOptions) -> 
         StageError: the stage cannot be opened or edited.
     """
     stage, state = open_for_edits(path)
-    editing = Editing.begin(path, stage, options.release)
+    editing = Editing.begin(path, stage, options.release, options.parameters)
     try:
         before = editing.findings()
         additions: list[Addition] = []

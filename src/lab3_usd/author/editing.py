@@ -10,6 +10,7 @@ from msgspec import Struct
 
 from lab3_usd.check.lint import lint
 from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.registry import Parameters
 from lab3_usd.errors import StageError
 from lab3_usd.files import FileState
 from lab3_usd.fix.text_editor import new_bytes
@@ -31,17 +32,19 @@ class Editing(Struct, eq=False):
     session: EditSession
     platform: Platform
     model: StageModel
+    parameters: Parameters = ()
 
     @classmethod
-    def begin(cls, path: Path, stage: Any, release: str) -> Editing:
-        """Begin to edit an open stage.
+    def begin(cls, path: Path, stage: Any, release: str, parameters: Parameters = ()) -> Editing:
+        """Begin to edit an open stage, which rules with these parameters judge.
 
         Raises:
             UsageError: the release is not known.
         """
         platform = lint_platform(release)
         session = EditSession(stage, platform, root_only=True)
-        return cls(path, session, platform, read_model(stage, platform, str(path)))
+        model = read_model(stage, platform, str(path))
+        return cls(path, session, platform, model, parameters)
 
     def findings(self) -> tuple[Finding, ...]:
         """Return what the linter finds now.
@@ -49,7 +52,7 @@ class Editing(Struct, eq=False):
         Raises:
             StageError: a rule failed.
         """
-        results = lint(LintSubject(self.model))
+        results = lint(LintSubject(self.model, parameters=self.parameters))
         if results.crashes:
             crash = results.crashes[0]
             raise StageError(f"{self.path}: rule {crash.rule} failed: {crash.error}")

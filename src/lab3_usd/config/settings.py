@@ -11,7 +11,7 @@ from typing import Any, TypeVar
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.check.registry import Parameters, all_rules, check_rule_names
+from lab3_usd.check.registry import Parameters, all_rules, check_rule_names, rule_names
 from lab3_usd.config.lookup import find_file, located_in_config, read_table
 from lab3_usd.errors import UsageError, guess
 from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_among
@@ -74,8 +74,11 @@ def config_for(paths: Iterable[str], option: str = "--config") -> Config:
     return load_config(file)
 
 
-def places_for(path: Path) -> Config:
-    """Return the lab and the assets of the configuration of a stage, for those who do not judge it.
+def reading_for(path: Path) -> Config:
+    """Return the lab, the assets and the parameters of rules that the configuration of a stage has.
+
+    They are for those who show what a stage holds, and do not choose among its findings. Custom
+    rules are not loaded, and their parameters are left out.
 
     Raises:
         UsageError: the file that holds it is wrong.
@@ -83,7 +86,12 @@ def places_for(path: Path) -> Config:
     file = find_file(path)
     if file is None:
         return Config()
-    given = {key: value for key, value in read_table(file).items() if key in {"lab", "assets"}}
+    table = read_table(file)
+    given = {key: table[key] for key in ("lab", "assets", "parameters") if key in table}
+    if "rules" in table and isinstance(given.get("parameters"), dict):
+        known = {*all_rules(), *map(str.upper, rule_names())}
+        numbers = given["parameters"].items()
+        given["parameters"] = {name: each for name, each in numbers if name.upper() in known}
     try:
         return _config_of(file, given)
     except UsageError as error:

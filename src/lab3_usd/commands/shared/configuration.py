@@ -100,19 +100,20 @@ def use_own_rules(config_file: str | None) -> None:
     load_config(Path(config_file))
 
 
-def use_config(path: Path, assets: Iterable[str]) -> None:
-    """Read the lab, and find the assets, that the configuration of a stage names.
+def use_config(path: Path, assets: Iterable[str]) -> Config:
+    """Read the lab, and find the assets, that the configuration of a stage names, and return it.
 
     `assets` are those of the command line, which count first.
 
     Raises:
         UsageError: the configuration or an option is wrong.
     """
-    from lab3_usd.config.settings import places_for
+    from lab3_usd.config.settings import reading_for
 
-    config = places_for(path)
+    config = reading_for(path)
     use_lab(config.lab)
     use_assets(assets, config.assets)
+    return config
 
 
 def use_assets(given: Iterable[str], configured: Iterable[tuple[str, Path]] = ()) -> None:

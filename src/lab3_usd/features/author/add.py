@@ -109,7 +109,7 @@ def command(
 
     kind, stage = kind_and_stage(words, has_file=asked.requests is not None)
     check_ways([stage], writing, layer=asked.layer)
-    use_config(stage, asked.assets)
+    config = use_config(stage, asked.assets)
     if asked.requests is None:
         requests = [Request(kind, request)]
     else:
@@ -119,6 +119,7 @@ def command(
         asked.release or BASE,
         force=asked.force,
         replaces=asked.replace or not kind,
+        parameters=config.parameters,
     )
     try:
         if asked.layer is not None:

@@ -32,6 +32,7 @@ from lab3_usd.report.picture.picture_file import ENDINGS, encoder
 from lab3_usd.report.picture.svg import THEMES, Theme
 
 if TYPE_CHECKING:
+    from lab3_usd.check.registry import Parameters
     from lab3_usd.model.finding import Crash
     from lab3_usd.report.picture.model import Picture
     from lab3_usd.spec.lab import Lab
@@ -90,13 +91,13 @@ def command(target: str, folder: Path, asked: DrawOptions, reading: StageOptions
     """
     from lab3_usd.spec.load.loader import load_lab
 
-    use_config(Path(target), reading.assets)
+    parameters = use_config(Path(target), reading.assets).parameters
     lab = load_lab()
     path, force = Path(target), asked.force
     if asked.lint and asked.checkpoint is not None:
         raise UsageError("--lint and --checkpoint exclude each other")
     if asked.lint:
-        drawing = _linted(path, reading, every_port=asked.all_ports)
+        drawing = _linted(path, reading, parameters, every_port=asked.all_ports)
     elif target in lab.graphs or target == TREE:
         if reading.release is not None:
             raise UsageError("--isaac goes with a stage: the lab names the release of its graphs")
@@ -173,7 +174,9 @@ def _of_stage(lab: Lab, path: Path, asked: DrawOptions, reading: StageOptions) -
     return Drawing(list(pictures), stem, judged.crashes)
 
 
-def _linted(path: Path, reading: StageOptions, *, every_port: bool) -> Drawing:
+def _linted(
+    path: Path, reading: StageOptions, parameters: Parameters, *, every_port: bool
+) -> Drawing:
     """Draw a stage with what the linter finds; findings elsewhere than in its graphs are listed."""
     from lab3_usd.check.lint import lint
     from lab3_usd.isaac.releases import BASE
@@ -182,7 +185,7 @@ def _linted(path: Path, reading: StageOptions, *, every_port: bool) -> Drawing:
 
     platform = lint_platform(reading.release or BASE)
     stage = read_any(path, platform, reading.scene or "")
-    found = lint(LintSubject(stage))
+    found = lint(LintSubject(stage, parameters=parameters))
     pictures = linted_pictures(stage, found.findings, every_port=every_port)
     return Drawing(list(pictures), f"{path.stem}-", found.crashes)
 

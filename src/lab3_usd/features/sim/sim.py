@@ -22,6 +22,7 @@ from lab3_usd.features.sim.additions import SimAddition, SimOptions, additions_t
 from lab3_usd.features.sim.behaviour import checkpoint_option, page_option, write_behaviour
 
 if TYPE_CHECKING:
+    from lab3_usd.config.settings import Config
     from lab3_usd.model.finding import Finding
     from lab3_usd.spec.lab import Lab
 
@@ -65,7 +66,7 @@ def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> N
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.spec.load.loader import lab_of_team, load_lab
 
-    use_config(stage, asked.assets)
+    config = use_config(stage, asked.assets)
     lab = load_lab()
     numbers = [*lab.checkpoints]
     given = asked.checkpoint
@@ -80,7 +81,7 @@ def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> N
     for addition in added:
         addition.refuse(asked)
     if not any(addition.plays_instead(stage, lab, checkpoint, topic) for addition in added):
-        sys.exit(_judge(stage, lab, checkpoint, asked, added))
+        sys.exit(_judge(stage, lab, checkpoint, asked, added, config))
 
 
 def _judge(
@@ -89,12 +90,13 @@ def _judge(
     checkpoint: str,
     asked: SimOptions,
     added: tuple[SimAddition, ...],
+    config: Config,
 ) -> int:
     """Play a stage, write what was asked for, and return the exit code."""
     from lab3_usd.sim.dry_run import dry_run
 
     run = dry_run(stage, lab, checkpoint, asked.drive, asked.topic or "", asked.maps)
-    findings = _findings(stage, lab, checkpoint) if run.behaviour.checks else ()
+    findings = _findings(stage, lab, checkpoint, config) if run.behaviour.checks else ()
     status = write_behaviour(run, lab, asked.form, asked.page, findings)
     for addition in added:
         for line in addition.lines_after(run, lab):
@@ -102,10 +104,11 @@ def _judge(
     return status
 
 
-def _findings(stage: Path, lab: Lab, checkpoint: str) -> tuple[Finding, ...]:
+def _findings(stage: Path, lab: Lab, checkpoint: str, config: Config) -> tuple[Finding, ...]:
     """Return what the rules find: they explain what fails, and know what a dry run cannot play."""
     from lab3_usd.pipeline.stage import JudgeSettings, check_stage, lint_stage
 
     if checkpoint:
         return check_stage(stage, checkpoint, lab).findings
-    return lint_stage(stage, JudgeSettings(release=lab.platform.release)).findings
+    settings = JudgeSettings(release=lab.platform.release, config=config)
+    return lint_stage(stage, settings).findings
