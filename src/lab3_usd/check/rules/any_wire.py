@@ -197,10 +197,20 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
         problem = _dead_wire(fault, wire, subject)
         message = f"{problem.message}, expected {short_source(fault.expected)}"
         message += without_wire(subject, fault.wire)
+        if _is_right_once_renamed(wire, subject):
+            problem = replace(problem, assumes=(*problem.assumes, (subject.spec.path, None)))
         yield with_demand(
             replace(problem, message=message, hint=connect_hint(fault)),
             subject,
         )
+
+
+def _is_right_once_renamed(wire: Connection, subject: GraphSubject) -> bool:
+    """Whether a wire leads to a node of its graph by the path that the graph should have."""
+    graph, path = subject.roles.graph, subject.spec.path
+    if graph is None or graph.path == path or not wire.source_prim.startswith(f"{path}/"):
+        return False
+    return f"{graph.path}{wire.source_prim.removeprefix(path)}" in subject.live_nodes
 
 
 @rule("W11", "leftover-wire", scope="graph", severity="warning")

@@ -105,7 +105,8 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
     """A graph has another path or name.
 
     Why: paths determine the names of the ROS 2 nodes, and later steps of the handout look for the
-    graph at its path. The content of the graph is still judged.
+    graph at its path. The content of the graph is still judged. Wires that lead to its nodes by the
+    right path are not told: the right name mends them.
 
     Fix: rename the graph in the Stage panel, or drag it below the prim that the handout names.
 
@@ -131,6 +132,7 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
             handout=spec.handout,
             hint=hint,
             related=() if standing is None else (spec.path,),
+            covers=((spec.path, None),) if standing is None else (),
             fix=(MovePrim(graph.path, spec.path),) if standing is None else (),
         )
 
