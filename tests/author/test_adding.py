@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from pathlib import Path
 
 import pytest
@@ -374,6 +375,23 @@ def test_an_option_of_another_kind_is_refused(tmp_path: Path) -> None:
 
 def test_a_kind_that_is_none_is_refused_with_those_there_are(tmp_path: Path) -> None:
     assert "odometry" in refusal(bot(tmp_path), "odomtry")
+
+
+@pytest.mark.parametrize(
+    ("command", "words"),
+    [
+        ("add rover.usda drive", "the kind comes first: lab3 add drive rover.usda"),
+        ("remove rover.usda drive", "the kind comes first: lab3 remove drive rover.usda"),
+        ("add drive rover.usda --robot alpha", "no such prim; robots: /World/Rover"),
+        ("add drive rover.usda --robot Rovr", "no such prim; did you mean /World/Rover?"),
+    ],
+)
+def test_words_in_the_wrong_place_are_put_right(
+    command: str, words: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.chdir(rover_at(tmp_path).parent)
+    with pytest.raises(UsageError, match=re.escape(words)):
+        invoke(*command.split())
 
 
 def test_a_layer_holds_the_graphs_alone_and_grows(tmp_path: Path) -> None:

@@ -20,8 +20,8 @@ from lab3_usd.model.stage import StageModel
 WHEELED = "wheels"
 
 
-def present_prim(path: str, stage: StageModel, option: str) -> Prim:
-    """Return the prim at a path that an option names.
+def present_prim(path: str, stage: StageModel, option: str, named: Sequence[str] = ()) -> Prim:
+    """Return the prim at a path that an option names; where there is none, robots are `named`.
 
     Raises:
         UsageError: there is none, or a missing asset may hold it.
@@ -33,7 +33,10 @@ def present_prim(path: str, stage: StageModel, option: str) -> Prim:
     if missing is not None:
         raise UsageError(f"{option} {path}: {missing.asset} cannot be found, which could hold it")
     near = likely_name(path, [prim.path for prim in stage.prims.values() if prim.present])
-    raise UsageError(f"{option} {path}: there is no such prim{did_you_mean(near)}")
+    by_name = {known.rpartition("/")[2]: known for known in named}
+    near = near or by_name.get(likely_name(path.rpartition("/")[2], by_name) or "")
+    others = did_you_mean(near) or (f"; robots: {', '.join(named)}" if named else "")
+    raise UsageError(f"{option} {path}: there is no such prim{others}")
 
 
 def choose_robot(stage: StageModel, options: Options, need: str = "") -> Robot:
@@ -66,7 +69,7 @@ def choose_robot(stage: StageModel, options: Options, need: str = "") -> Robot:
 
 
 def _named_robot(path: str, stage: StageModel) -> Robot:
-    present_prim(path, stage, "--robot")
+    present_prim(path, stage, "--robot", [robot.path for robot in robots(stage)])
     roots = list(articulations(path, stage))
     by_root = {robot.root: robot for robot in robots(stage) if robot.root}
     if path in by_root:

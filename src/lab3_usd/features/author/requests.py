@@ -178,8 +178,12 @@ def kind_and_stage(words: tuple[str, ...], *, has_file: bool) -> tuple[str, Path
         if len(words) != 1:
             raise UsageError("with --file, name the stage alone: lab3 add --file ros.yaml STAGE")
         return "", Path(words[0])
-    if len(words) != len(("KIND", "STAGE")):
+    kind, *stages = words or ("",)
+    if len(stages) == 1 and Path(kind).suffix and not Path(stages[0]).suffix:
+        command = click.get_current_context().command.name
+        raise UsageError(f"the kind comes first: {program()} {command} {stages[0]} {kind}")
+    if len(stages) != 1:
         raise UsageError(
             "name a kind and a stage: lab3 add KIND STAGE; lab3 add --help lists kinds"
         )
-    return words[0], Path(words[1])
+    return kind, Path(stages[0])
