@@ -202,6 +202,8 @@ def _print_findings(
     for finding in fixed.left:
         why = _why_left(finding, fixed, unsafe=repair.unsafe)
         echo_folded(f"{why} {finding.severity} {_line(finding)}")
+        if why == _LEFT and finding.severity == "error":
+            echo_folded(f"    {_by_hand(finding)}")
     done = "repaired" if written else "would be repaired"
     click.echo(f"{shown(stage)}: {len(fixed.repaired)} {done}, {len(fixed.left)} left")
     if fixed.files and not written:
@@ -211,10 +213,20 @@ def _print_findings(
         click.echo(f"to repair: {words} --in-place")
 
 
+_LEFT = "left"  # to the user
+
+
+def _by_hand(finding: Finding) -> str:
+    """Say why no repair is made, or what is to be done in its place."""
+    if finding.hint:
+        return f"repair it by hand: {visible(finding.hint)}"
+    return f"no repair is certain: {program()} rule {finding.rule} says how"
+
+
 def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:
     why = fixed.left_out.get(site_of(finding))
     if why is None and finding.fix is None:
-        return "left"
+        return _LEFT
     if why is None and finding.fix and not (unsafe or finding.fix.safe):
         return "needs --unsafe"
     return f"left out (its repair {why or USELESS})"
