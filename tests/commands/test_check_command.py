@@ -153,6 +153,7 @@ def test_a_folder_of_other_names_is_its_stages(clock: Path, tmp_path: Path) -> N
 def test_the_report_is_written_to_a_file(wrong: Path, tmp_path: Path) -> None:
     output = tmp_path / "report.json"
     done = check(wrong, "--format", "json", "--output", output)
+    assert done.stderr == f"lab3: the report is in {output}\n"
     assert (done.returncode, done.stdout) == (1, "")
     assert_valid(json.loads(output.read_text()))
 

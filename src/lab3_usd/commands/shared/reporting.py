@@ -13,6 +13,7 @@ from lab3_usd import hooks
 from lab3_usd.commands.shared.options import (
     ReportOptions,
     ViewOptions,
+    echo,
     given_words,
     lab_words,
     wants_color,
@@ -196,6 +197,7 @@ def write_report(text: str, output: str | None) -> None:
     from lab3_usd.files import write_whole
 
     write_whole(Path(output), text.encode("utf-8", "replace"), force=True)
+    echo(f"{program()}: the report is in {output}", err=True)
 
 
 def exit_code(report: Report, options: ReportOptions) -> int:
