@@ -102,16 +102,17 @@ def read_records(stage: Usd.Stage) -> PrimRecord:
 
 def read_record(prim: Usd.Prim) -> PrimRecord:
     """Return what a prim is and holds."""
-    attributes, relationships = prim.GetAuthoredAttributes(), prim.GetAuthoredRelationships()
+    attributes = Usd.Prim.GetAuthoredAttributes(prim)
+    relationships = Usd.Prim.GetAuthoredRelationships(prim)
     return PrimRecord(
         prim,
-        str(prim.GetPath()),
-        str(prim.GetName()),
-        str(prim.GetTypeName()),
-        prim.GetPrimTypeInfo(),
-        prim.GetAuthoredPropertyNames(),
-        {attribute.GetName(): attribute.Get() for attribute in attributes},
-        {relationship.GetName(): targets_of(relationship) for relationship in relationships},
+        str(Usd.Prim.GetPath(prim)),
+        Usd.Prim.GetName(prim),
+        Usd.Prim.GetTypeName(prim),
+        Usd.Prim.GetPrimTypeInfo(prim),
+        Usd.Prim.GetAuthoredPropertyNames(prim),
+        {Usd.Attribute.GetName(each): Usd.Attribute.Get(each) for each in attributes},
+        {Usd.Relationship.GetName(each): targets_of(each) for each in relationships},
     )
 
 

@@ -154,7 +154,7 @@ def _over_changes(before: Usd.Stage, after: Usd.Stage, terms: _Terms) -> Iterato
 
 def _overs(stage: Usd.Stage, terms: _Terms) -> Iterator[Usd.Prim]:
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), Usd.PrimAllPrimsPredicate):
-        is_over = not prim.IsDefined() and not prim.IsAbstract()
+        is_over = not Usd.Prim.IsDefined(prim) and not Usd.Prim.IsAbstract(prim)
         if is_over and not is_aside(prim, terms.scope):
             yield prim
 
