@@ -271,7 +271,7 @@ def switched_off_target(node: Node, stage: StageModel) -> str:
     """Return the path of the prim that a node is to read and that is switched off, '' for none."""
     asked = None if node.type is None else stage.platform.targets.get(node.type.type)
     path = "" if asked is None else next(iter(node.targets(INPUT + asked.input)), "")
-    prim = stage.prim(path)
+    prim = stage.prim(path) if path else None
     is_off = asked and asked.switch and prim and prim.attributes.get(asked.switch) is False
     return path if is_off else ""
 

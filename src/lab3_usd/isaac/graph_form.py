@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from functools import cached_property
+
 from msgspec import Struct
 
 from lab3_usd.isaac.values import Value
@@ -44,7 +46,7 @@ class Evaluation(Struct, frozen=True, forbid_unknown_fields=True):
     all_nodes: tuple[str, ...]
 
 
-class GraphForm(Struct, frozen=True):
+class GraphForm(Struct, frozen=True, dict=True):
     """How Isaac Sim saves graph and node prims."""
 
     type: str
@@ -61,6 +63,8 @@ class GraphForm(Struct, frozen=True):
 
     def value(self, name: str) -> Value | None:
         """Return the value with which an Action Graph is saved."""
-        return next(
-            (attribute.value for attribute in self.attributes if attribute.name == name), None
-        )
+        return self._values.get(name)
+
+    @cached_property
+    def _values(self) -> dict[str, Value]:
+        return {attribute.name: attribute.value for attribute in self.attributes}

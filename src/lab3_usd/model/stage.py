@@ -449,19 +449,18 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
     """
 
     @wraps(function)
-    def kept(*given: Any) -> _T:
-        about = given[0]
+    def kept(about: Any, *more: Any) -> _T:
         if type(about) is StageModel:
-            results, key = about.derived, (function, *given[1:])
+            results, key = about.derived, (function, *more)
         else:
-            results, key = about.stage.judged, (function, *given)
+            results, key = about.stage.judged, (function, about, *more)
         try:
             result: _T = results[key]
         except KeyError:
             pass
         else:
             return result
-        results[key] = result = function(*given)  # type: ignore[call-arg]  # all are positional
+        results[key] = result = function(about, *more)  # type: ignore[call-arg]  # all are positional
         return result
 
     return kept  # type: ignore[return-value]  # nobody names an argument

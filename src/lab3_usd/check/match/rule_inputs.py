@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import cached_property
 from typing import TYPE_CHECKING, Literal
 
 from msgspec import Struct, field
@@ -158,7 +159,7 @@ class JudgedStage(Struct, frozen=True, eq=False):
     findings: tuple[Finding, ...]
 
 
-class LintSubject(Struct, frozen=True, eq=False):
+class LintSubject(Struct, frozen=True, eq=False, dict=True):
     """A stage without a spec, and the release that it comes from, where that counts.
 
     That is `is_guessed` where nobody named it. `parameters` are the numbers of rules that a
@@ -174,12 +175,12 @@ class LintSubject(Struct, frozen=True, eq=False):
         """Return the value of a parameter: the configured one, else its default."""
         return dict(self.parameters).get((parameter.rule, parameter.name), parameter.default)
 
-    @property
+    @cached_property
     def platform(self) -> Platform:
         """The release of Isaac Sim by which the stage is judged."""
         return self.stage.platform
 
-    @property
+    @cached_property
     def live(self) -> Nodes:
         """The nodes of all active graphs by path."""
         return live_nodes(self.stage)

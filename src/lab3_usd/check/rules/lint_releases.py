@@ -41,13 +41,13 @@ def gone_setting(subject: LintSubject) -> Iterator[Problem]:
 
     Basis: the `.ogn` files and the code of the nodes in both releases.
     """
-    changes = subject.platform.changes
+    changes, platform = subject.platform.changes, subject.platform
     for node in subject.live.values():
         gone = {
             port: change
             for port in node.ports
             if (node.type is not None and node.type.port(port) is None)
-            and subject.platform.releases_with(node.type_name, port)
+            and platform.releases_with(node.type_name, port)
             and (change := changes.gone(node.type_name, port)) is not None
         }
         yield from _without_prim(node, gone)

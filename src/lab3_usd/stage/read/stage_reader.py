@@ -289,8 +289,8 @@ class _Scan:
         version = properties[_VERSION].value()
         type_name, kind, others = self._types.get(written) or self._type(written)
         ports = read_ports(properties, kind, others)
-        is_traversed = IS_PRESENT(prim) and not prim.IsInstanceProxy()
-        if is_traversed and (not written or self._platform.names.is_old(written)):
+        is_old = not written or self._platform.names.is_old(written)
+        if is_old and IS_PRESENT(prim) and not prim.IsInstanceProxy():
             self.old_types.append(OldType(path, written, is_in_asset(prim)))
         if not type_name and not ports:
             return  # a leftover, which is not a node
