@@ -73,6 +73,19 @@ def test_a_stage_that_cannot_be_read_has_repaired_nothing() -> None:
     assert "in 02, repaired in 04" in shown
 
 
+def test_a_stage_that_does_not_ask_for_it_has_repaired_nothing() -> None:
+    asked = (requirement("TF_Imu", "a", met=False),)
+    extra = replace(stage("03", RADIUS), requirements=asked)
+    assert "repaired" not in told(stage("02"), extra, stage("04"))
+
+
+def test_what_names_the_requirement_that_it_fails_is_repaired_where_that_is_asked_for() -> None:
+    asked = requirement("ROS_Drive", "a", met=False)
+    fault, other = replace(RADIUS, unmet=(asked.id,)), requirement("TF_Imu", "a", met=True)
+    extra = replace(stage("03", fault), requirements=(asked, other))
+    assert "in 03, repaired in 04" in told(stage("02"), extra, stage("04"))
+
+
 def test_stages_of_one_checkpoint_are_told_each_by_itself() -> None:
     other = replace(stage("02", RADIUS), path="other/Lab3_02.usda")
     assert told(stage("02", RADIUS), other).count("error P01") == 2

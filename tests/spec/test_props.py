@@ -43,7 +43,7 @@ props:
     type: Cube
     count: 2
     handout: B1
-    apis: [PhysicsCollisionAPI, MaterialBindingAPI]
+    apis: [PhysicsCollisionAPI, MaterialBindingAPI, "SemanticsLabelsAPI:class"]
     targets: {"material:binding": [/Hall/Looks/Steel]}
     set: {"semantics:labels:class": {type: "token[]", value: [rack, shelf]}}
     from: furnished
@@ -67,6 +67,7 @@ def furnished(stage: Usd.Stage) -> None:
         rack = stage.GetPrimAtPath(f"/Hall/Rack_{number}")
         rack.AddAppliedSchema("PhysicsCollisionAPI")
         rack.AddAppliedSchema("MaterialBindingAPI")
+        rack.AddAppliedSchema(LABEL_SCHEMA)
         rack.CreateRelationship("material:binding").SetTargets([Sdf.Path("/Hall/Looks/Steel")])
         rack.CreateAttribute("semantics:labels:class", Sdf.ValueTypeNames.TokenArray).Set(
             ["shelf", "rack"]
@@ -150,7 +151,15 @@ def bound_to(path: str) -> Change:
 
 
 RACK = "/Hall/Rack_1"
+LABEL_SCHEMA = "SemanticsLabelsAPI:class"
 LABELS, BINDING = "semantics:labels:class", "material:binding"
+
+
+def without_label(stage: Usd.Stage) -> None:
+    stage.GetPrimAtPath(RACK).RemoveAppliedSchema(LABEL_SCHEMA)
+    stage.GetPrimAtPath(RACK).RemoveProperty(LABELS)
+
+
 MISTAKES: dict[str, tuple[Change, tuple[str, str, str | None]]] = {
     "too few": (without("/Hall/Rack_2"), ("S36", "/Hall/Rack_*", None)),
     "too many": (
@@ -169,6 +178,7 @@ MISTAKES: dict[str, tuple[Change, tuple[str, str, str | None]]] = {
         lambda stage: stage.GetPrimAtPath(RACK).RemoveAppliedSchema("PhysicsCollisionAPI"),
         ("S36", RACK, "PhysicsCollisionAPI"),
     ),
+    "no label at all": (without_label, ("S36", RACK, LABEL_SCHEMA)),
     "another label": (
         lambda stage: stage.GetPrimAtPath(RACK).GetAttribute(LABELS).Set(["shelf"]),
         ("S36", RACK, LABELS),
@@ -190,6 +200,26 @@ def test_each_mistake_is_found_once(folder: Path, mistake: str) -> None:
     change, expected = MISTAKES[mistake]
     told = [each for each in found(folder, "furnished", change) if each[0] != "F02"]
     assert told == [expected]
+
+
+@pytest.mark.parametrize(
+    ("mistake", "hint"),
+    [
+        ("too few", "add a prim of type Cube at /Hall/Rack_*"),
+        ("too many", "delete 1 of the prims at /Hall/Rack_*"),
+        ("another asset", "let /Hall/Bench refer to props/bench.usda"),
+        ("another material", f"set {BINDING} of {RACK} to /Hall/Looks/Steel"),
+        ("no schema", f"apply PhysicsCollisionAPI to {RACK}"),
+        (
+            "no label at all",
+            f"apply {LABEL_SCHEMA} to {RACK}, and set {LABELS} of {RACK} to ['rack', 'shelf']",
+        ),
+    ],
+)
+def test_the_hint_says_what_to_set_on_which_prim(folder: Path, mistake: str, hint: str) -> None:
+    found(folder, "furnished", MISTAKES[mistake][0])
+    findings = check_stage(folder / "hall_furnished.usda", lab=load_lab(folder / "lab")).findings
+    assert hint in [each.hint for each in findings]
 
 
 def test_of_two_types_at_one_path_each_number_is_told(folder: Path) -> None:

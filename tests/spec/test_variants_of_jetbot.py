@@ -71,6 +71,22 @@ def test_a_frame_that_nobody_sends_in_a_namespace_is_found(namespaced: Path) -> 
     assert (found.rule, "Imu" in found.message) == ("T01", True)
 
 
+def test_a_topic_with_its_namespace_in_the_name_is_said_to_be_the_same(tmp_path: Path) -> None:
+    folder = edited(
+        tmp_path / "lab",
+        ("Odometry.yaml", "topicName: /jetbot/odom", "nodeNamespace: jetbot, topicName: /odom"),
+    )
+    (path,) = (folder / "built").glob("*odometry.usda")
+    stage = Usd.Stage.Open(str(path))
+    node = stage.GetPrimAtPath("/World/Jetbot/Odometry/publish_odometry")
+    node.GetAttribute("inputs:topicName").Set("/jetbot/odom")
+    node.GetAttribute("inputs:nodeNamespace").Clear()
+    stage.Save()
+    told = {each.rule: each.message for each in check_stage(path, lab=load_lab(folder)).findings}
+    topic = "'/jetbot/odom', which gives /jetbot/odom as '/odom' in the namespace 'jetbot' does"
+    assert told["P08"] == f"inputs:topicName is {topic}"
+
+
 @pytest.fixture
 def optional(tmp_path: Path) -> Path:
     """The lab whose milestone with the IMU may be left out, where its target list is judged."""

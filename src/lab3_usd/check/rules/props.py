@@ -47,8 +47,7 @@ def prop(subject: StageSubject) -> Iterator[Problem]:
 
     Why: what the handout places in the scene is seen, measured or bumped into as it says.
 
-    Fix: create the thing at the path named here, or set the value, the schema or the material that
-    is named.
+    Fix: create the thing at the path named here, or set what is named on the prim that is named.
 
     Example: three racks where the handout asks for four, or one without its material.
     """
@@ -98,12 +97,23 @@ def _wrong_count(
         expected=str(count),
         actual=str(len(found)),
         handout=spec.handout,
+        hint=_way_to_count(spec, count - len(found)),
         related=tuple(prim.path for prim in found),
         unmet=tuple(map(_demand, names)),
         absent=not found,
         assumes=tuple((path, None) for path in upwards(start.rstrip("/"))),
         rests_on=None if len(found) > count else subject.stage.unknown(start),
     )
+
+
+def _way_to_count(spec: PropSpec, lacking: int) -> str:
+    """Say how many to add, or to delete."""
+    if lacking < 0:
+        return f"delete {-lacking} of the prims at {spec.path}"
+    kind = f" of type {spec.type}" if spec.type else ""
+    what = f"{lacking} more prims" if lacking > 1 else "a prim"
+    refer = f", with {spec.asset} as its reference" if spec.asset else ""
+    return f"add {what}{kind} at {spec.path}{refer}"
 
 
 def _not_found(
@@ -130,26 +140,46 @@ def _not_found(
 
 def _wrong_parts(name: str, spec: PropSpec, prim: Prim, subject: StageSubject) -> Iterator[Problem]:
     if spec.asset and not spec.refers(prim.assets):
-        actual = ", ".join(prim.assets) or "nothing"
-        message = f"{prim.name} refers to {actual}, expected {spec.asset}"
-        unmet = (_demand(name, _ASSET),)
-        yield Problem(prim.path, message, None, spec.asset, actual, spec.handout, unmet=unmet)
-    for fault in _faults(spec, prim, subject.stage):
+        yield Problem(
+            prim.path,
+            f"{prim.name} refers to {', '.join(prim.assets) or 'nothing'}, expected {spec.asset}",
+            expected=spec.asset,
+            actual=", ".join(prim.assets) or "nothing",
+            handout=spec.handout,
+            hint=f"let {prim.path} refer to {spec.asset}",
+            unmet=(_demand(name, _ASSET),),
+        )
+    faults = [*_faults(spec, prim, subject.stage)]
+    brought = {fault.part: [*_brought_by(fault, faults)] for fault in faults}
+    told_elsewhere = [other for others in brought.values() for other in others]
+    for fault in (each for each in faults if each not in told_elsewhere):
+        together = (fault, *brought[fault.part])
+        lost = "".join(f", and {other.part} with it" for other in together[1:])
         is_error = fault.severity != "warning"
         yield Problem(
             prim.path,
             fault.message
-            or f"{fault.part} of {prim.name} is {fault.actual}, expected {fault.wanted}",
+            or f"{fault.part} of {prim.name} is {fault.actual}{lost}, expected {fault.wanted}",
             None if fault.part == _PLACE else fault.part,
             fault.wanted,
             fault.actual,
             spec.handout,
             severity=fault.severity,
-            hint=fault.hint,
-            fix=fault.fix,
-            unmet=(_demand(name, fault.part),) if is_error else (),
+            hint=", and ".join(each.hint or each.way_at(prim.path) for each in together),
+            fix=tuple(edit for each in together for edit in each.fix),
+            unmet=tuple(_demand(name, each.part) for each in together) if is_error else (),
             rests_on=subject.stage.unknown(prim.path),
         )
+
+
+def _brought_by(fault: _Fault, others: list[_Fault]) -> Iterator[_Fault]:
+    """Yield the values that are not set because a schema with the same instance is missing."""
+    instance = fault.part.partition(":")[2]
+    if fault.is_schema and instance:
+        for other in others:
+            is_unset = not other.is_schema and other.actual == display(None)
+            if is_unset and other.part.endswith(f":{instance}"):
+                yield other
 
 
 _ASSET, _BINDING, _LABELS, _PLACE = "asset", "material:binding", "semantics:labels:", "place"
@@ -166,6 +196,17 @@ class _Fault(Struct, frozen=True):
     message: str = ""
     hint: str | None = None
     severity: Severity | None = None
+
+    @property
+    def is_schema(self) -> bool:
+        """Whether a schema is missing."""
+        return any(isinstance(edit, ApplySchema) for edit in self.fix)
+
+    def way_at(self, path: str) -> str:
+        """Say what to do at a prim."""
+        if self.is_schema:
+            return f"apply {self.part} to {path}"
+        return f"set {self.part} of {path} to {self.wanted}"
 
 
 def _faults(spec: PropSpec, prim: Prim, stage: StageModel) -> Iterator[_Fault]:

@@ -345,7 +345,8 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
     """A topic is spelled differently, but means the same.
 
     Why: Isaac Sim removes characters other than letters and digits from both ends and adds a
-    leading slash, so `clock` becomes `/clock`. The topic works.
+    leading slash, so `clock` becomes `/clock`. A namespace may also stand in the name. The topic
+    works.
 
     Fix: nothing is required. Write the leading slash to be clear.
 
@@ -354,10 +355,25 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
     for found in settings_of(subject):
         is_topic = found.setting.port in found.spec.type.topics
         if is_topic and found.met and found.value != found.setting.value:
-            wanted = display(found.setting.value)
-            message = f"{found.setting.port} is {display(found.value)}, which is {wanted} to ROS 2"
+            message = f"{found.setting.port} is {_same_topic(found, subject)}"
             site = (found.node.path, found.setting.port)
             yield replace(setting_problem(subject, found, message), assumes=(site,))
+
+
+def _same_topic(found: Found, subject: GraphSubject) -> str:
+    """Say why a topic is the one asked for: by its spelling, or by another namespace before it."""
+    own, asked = display(found.value), display(found.setting.value)
+    if setting_matches(found.node, found.setting, found.value):
+        return f"{own}, which is {asked} to ROS 2"
+    port = INPUT + subject.lab.platform.ros.namespace
+    space = str(effective_value(found.node, port, subject.live_nodes) or "")
+    of_role = next((str(each.value) for each in found.spec.settings if each.port == port), "")
+    topic = resolved_topic(str(found.value), space)
+    return f"{own}{_within(space)}, which gives {topic} as {asked}{_within(of_role)} does"
+
+
+def _within(namespace: str) -> str:
+    return f" in the namespace '{namespace}'" if namespace else ""
 
 
 @rule("P09", "stamp-reset", scope="stage", severity="note")

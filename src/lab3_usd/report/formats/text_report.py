@@ -30,7 +30,7 @@ from lab3_usd.report.entries import (
 from lab3_usd.report.grouped_stages import (
     Block,
     ReportedFault,
-    Stages,
+    Stage,
     blocks,
     faults,
     next_step,
@@ -414,7 +414,7 @@ def _fault_lines(block: Block, page: Page) -> Iterator[str]:
     """Yield what to repair first, and each fault once with the stages that have it."""
     block_faults = faults(block)
     yield from _repair_order(block_faults, block, page)
-    findings = ((fault.finding, _stages_text(fault.stages, block)) for fault in block_faults)
+    findings = ((fault.finding, _stages_text(fault, block)) for fault in block_faults)
     yield from _finding_blocks(findings, page)
 
 
@@ -441,18 +441,29 @@ def _repair_order(block_faults: Sequence[ReportedFault], block: Block, page: Pag
         yield from _wrapped(message, INDENT + _NUMBERED, page.width)
 
 
-def _stages_text(stages: Stages, block: Block) -> str:
+def _stages_text(fault: ReportedFault, block: Block) -> str:
     """Say which stages of a folder have a fault, and which no longer has it.
 
     `since 01, also in 02 to 08`; `in 03`; `since 02, also in 03 to 07, repaired in 08`. Empty for
-    what is no stage's.
+    what is no stage's. One that does not ask for what is at fault has repaired nothing.
     """
-    having = [stage for stage in block.stages if stage.index in stages]
+    having = [stage for stage in block.stages if stage.index in fault.stages]
     if not having:
         return ""
     label, repeats = having[0].label, [stage.index for stage in having[1:]]
     since = f"since {label}, also in {block.span(repeats)}" if repeats else f"in {label}"
     later = block.stages[block.stages.index(having[-1]) + 1 :]
-    repaired = next((stage for stage in later if stage.result.verdict != "unreadable"), None)
+    repaired = next((each for each in later if _asks_again(fault, having[-1], each)), None)
     last = f", repaired in {repaired.label}" if repaired is not None else ""
     return since + last
+
+
+def _asks_again(fault: ReportedFault, stage: Stage, later: Stage) -> bool:
+    """Whether a later stage is judged by what a fault of an earlier one fails, or by its parts."""
+    if later.result.verdict == "unreadable":
+        return False
+    asked = later.result.requirements
+    if fault.finding.unmet:
+        return {*fault.finding.unmet} <= {requirement.id for requirement in asked}
+    groups = {requirement.group for requirement in stage.result.requirements}
+    return groups <= {requirement.group for requirement in asked}
