@@ -33,7 +33,7 @@ from lab3_usd.sim.judge.checks import asked_checks, judge
 from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.sim.lidar import sweep
 from lab3_usd.sim.outcome import Judged, behaviour_of
-from lab3_usd.sim.timeline import record
+from lab3_usd.sim.plays import Play
 from lab3_usd.spec.load.loader import load_lab, load_platform
 from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.read.scene import read_scene
@@ -64,7 +64,8 @@ def measured(scene: Scene, drive: Sequence[Session]) -> Figure:
     lab = load_lab()
     sweep.cache_clear()  # what the run before has seen
     start = time.process_time()
-    trial = record(scene, lab.platform, drive, expected_at(lab, lab.checkpoints[CHECKPOINT]))
+    wanted = expected_at(lab, lab.checkpoints[CHECKPOINT])
+    trial = Play("", wanted, drive).recorded(scene, lab.platform)
     played = time.process_time()
     behaviour_of([Judged("", trial, judge(trial, asked_checks(trial)))])
     done = time.process_time()

@@ -30,8 +30,8 @@ from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.formats.registry import render
 from lab3_usd.sim.execution.drive import Leg, Session
+from lab3_usd.sim.plays import Play
 from lab3_usd.sim.robots import expected_of
-from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.scene import read_scene
 from lab3_usd.stage.read.stage_reader import read_model
@@ -171,9 +171,8 @@ def test_no_function_of_a_dry_run_takes_more_for_each_robot_where_there_are_more
 
     def run(count: int) -> None:
         scene = read_scene(fleet(count), platform)
-        record(
-            scene, platform, (Session((Leg("ahead", 0.2, (0.2, 0.0, 0.0)),)),), expected_of(None)
-        )
+        drive = (Session((Leg("ahead", 0.2, (0.2, 0.0, 0.0)),)),)
+        Play("", expected_of(None), drive).recorded(scene, platform)
 
     assert not grown(run)
 

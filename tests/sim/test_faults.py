@@ -9,7 +9,7 @@ from functools import cache
 from typing import get_args
 
 import pytest
-from breaking import broken, correct_stage, the_lab
+from breaking import broken, correct_stage
 from dry_runs import DRIVE, EXPECTED, SHORT, TO_THE_WALL, driven
 from fault_stages import IMAGE_PRODUCT, MOTION, NAMES, STAGES
 from golden import assert_golden_case
@@ -26,9 +26,6 @@ from lab3_usd.sim.execution.recording import Message, Odometry, Pose, Recording
 from lab3_usd.sim.judge.checks import CHECKS
 from lab3_usd.sim.judge.expectations import RunFault, Trial
 from lab3_usd.sim.judge.motion import odometry
-from lab3_usd.sim.timeline import record
-from lab3_usd.spec.load.loader import load_platform
-from lab3_usd.stage.read.scene import read_scene
 
 KINDS: frozenset[FaultKind] = frozenset(get_args(FaultKind))
 
@@ -118,7 +115,7 @@ def test_a_render_product_that_is_named_has_its_own_size() -> None:
 def test_wheels_in_the_wrong_order_turn_an_arc_the_wrong_way() -> None:
     stage = broken("02", [{"swap": [f"{NAMES}.inputs:input0", f"{NAMES}.inputs:input1"]}])
     drive = drive_of("0.1,0.5,2", EXPECTED.limits)
-    trial = record(read_scene(stage, load_platform()), the_lab().platform, drive, EXPECTED)
+    trial = driven(stage, drive)
     assert ("follows", "wrong-arc") in shown(faults_of(trial))
 
 

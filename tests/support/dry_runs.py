@@ -13,14 +13,14 @@ from msgspec.structs import replace
 from pxr import Usd
 
 from lab3_usd.model.dry_run import Behaviour, Check
-from lab3_usd.sim import any_stage
+from lab3_usd.sim import plays
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
 from lab3_usd.sim.execution.recording import Message, Odometry, Recording, Scan, View
 from lab3_usd.sim.judge.checks import CHECKS, judge
 from lab3_usd.sim.judge.expectations import Expected, Trial
+from lab3_usd.sim.plays import Play
 from lab3_usd.sim.robots import drive_for
-from lab3_usd.sim.timeline import record
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
@@ -39,7 +39,7 @@ def played(
     """Play a stage; no leg lasts longer than this many seconds, or one in which joints arrive."""
     path = folder / "stage.usda"
     stage.GetRootLayer().Export(str(path))
-    with patch.object(any_stage, "drive_for", _drive_of(longest)):
+    with patch.object(plays, "drive_for", _drive_of(longest)):
         return dry_run(path, the_lab(), "", drive, topic).behaviour
 
 
@@ -255,7 +255,8 @@ SHORT = drive_of(
 def driven(
     stage: Usd.Stage, drive: Sequence[Session] = DRIVE, wanted: Expected = EXPECTED
 ) -> Trial:
-    return record(read_scene(stage, load_platform()), load_platform(), drive, wanted)
+    play = Play("", wanted, tuple(drive))
+    return play.recorded(read_scene(stage, load_platform()), load_platform())
 
 
 def faults(trial: Trial) -> list[Check]:

@@ -9,17 +9,17 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import StageError
 from lab3_usd.grade.scoring import SubmissionFacts
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.any_stage import commanded_joints
-from lab3_usd.sim.commands import as_of_kind
-from lab3_usd.sim.dry_run import scene_of, watched_body
-from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
+from lab3_usd.sim.any_stage import joint_checks
+from lab3_usd.sim.dry_run import scene_of
+from lab3_usd.sim.execution.drive import Session, drive_of
 from lab3_usd.sim.held_play import held_play
 from lab3_usd.sim.judge.checks import asked_checks, why_unplayed
 from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
 from lab3_usd.sim.judge.topics import expected_of_each
-from lab3_usd.sim.robots import drive_for, robot_of_kind
-from lab3_usd.sim.timeline import Player, played, trial_of
+from lab3_usd.sim.plays import Play, asked_plays
+from lab3_usd.sim.timeline import Player, played
 from lab3_usd.spec.lab import Lab
 
 _Key = tuple[str, str]  # the content of a stage, and what is expected of it
@@ -82,31 +82,35 @@ def faults_in_dry_run(
         return {}  # what is damaged, the rules did not need
     later = {} if later is None else later
     shown: dict[str, str] = {}
-    for robot, wanted in each.items():
-        watched = watched_body(wanted, robot, scene, lab)
-        driven = robot_of_kind(scene, lab.platform, wanted)
-        drive = drive_of(_DRIVE, wanted.limits)
-        if driven is not None:
-            drive = drive_for(driven, scene.meters_per_unit)
-        known = later.get((robot, drive))
-        player = held_play(scene, watched, *known, lab.platform) if known is not None else None
-        if player is None:
-            player = played(scene, lab.platform, drive, watched)
-            later[robot, drive] = player, watched
-        trial = trial_of(player, drive, watched)
-        if driven is None and trial.has_ramps:  # it needs the time between the legs to stop
-            drive = fixed_drive(wanted.limits)
-            trial = trial_of(played(scene, lab.platform, drive, watched), drive, watched)
-        found = _shown(as_of_kind(trial, driven, scene), scene)
-        if wanted.joint_commands:
-            _, checks = commanded_joints(scene, lab.platform, wanted)
+    for play in asked_plays(scene, lab, each):
+        if play.is_of_joints:
+            trial = play.recorded(scene, lab.platform)
+            checks = joint_checks(play, trial, scene)
             wrong = [check for check in checks if check.verdict == "bad"]
-            found |= {name: c.text for c in wrong for name in (c.name, c.kind) if name}
+            found = {name: c.text for c in wrong for name in (c.name, c.kind) if name}
+        else:
+            found = _shown(_briefly(play, scene, lab.platform, later), scene)
         for name, text in found.items():
             shown.setdefault(name, text)
-            if robot and not name.startswith("/"):
-                shown[f"{robot}: {name}"] = text
+            if play.name and not name.startswith("/"):
+                shown[f"{play.name}: {name}"] = text
     return shown
+
+
+def _briefly(play: Play, scene: Scene, platform: Platform, later: _Later) -> Trial:
+    """Return what is judged of a robot; one on two wheels is driven as briefly as shows it."""
+    short = play
+    if play.robot is None:
+        short = replace(play, drive=drive_of(_DRIVE, play.wanted.limits))
+    known = later.get((short.name, short.drive))
+    player = held_play(scene, short.wanted, *known, platform) if known is not None else None
+    if player is None:
+        player = played(scene, platform, short.drive, short.wanted)
+        later[short.name, short.drive] = player, short.wanted
+    trial = short.shown_by(player)
+    if play.robot is None and trial.has_ramps:  # it needs the time between the legs to stop
+        return play.recorded(scene, platform)
+    return trial
 
 
 def _shown(trial: Trial, scene: Scene) -> dict[str, str]:

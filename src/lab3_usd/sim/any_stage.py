@@ -10,64 +10,44 @@ from collections.abc import Iterable, Iterator, Sequence
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.physics.machine import Machine
 from lab3_usd.sim.arms import JOINTS, arm_checks
 from lab3_usd.sim.commands import (
     commanded_once,
     domain_of,
-    follows_after_replay,
-    follows_command,
     hears_itself,
-    note_up_axis,
     of_another,
     rival,
     unmoved,
 )
-from lab3_usd.sim.execution.drive import NO_LIMITS, drive_of
-from lab3_usd.sim.execution.recording import Message, Recording, Scan
+from lab3_usd.sim.execution.recording import Message, Recording, kept_transforms
 from lab3_usd.sim.execution.world import standing_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
-from lab3_usd.sim.judge.checks import graphs, judge, verdict
-from lab3_usd.sim.judge.expectations import CheckFunction, Expected, RunFault, Trial, agree, in_root
-from lab3_usd.sim.judge.motion import odometry, rest
-from lab3_usd.sim.judge.sensors import MISSED, WALL
-from lab3_usd.sim.judge.topics import clock, heard_transforms, tree
+from lab3_usd.sim.judge.checks import OF_ALL, asked_checks, graphs, judge, verdict
+from lab3_usd.sim.judge.expectations import Expected, Look, RunFault, Trial, agree, in_root
+from lab3_usd.sim.judge.sensors import MISSED, WALL, scans
+from lab3_usd.sim.judge.topics import clock, tree
 from lab3_usd.sim.mounting import carried_streams, own_frames, pairs
 from lab3_usd.sim.outcome import Judged
-from lab3_usd.sim.own_view import kept_transforms, own_view
-from lab3_usd.sim.robots import (
-    TWIST,
-    Robot,
-    drive_for,
-    expected_of,
-    hears_commands,
-    labels,
-    listening_robots,
-    owned_graphs,
-    robots_of,
-    scene_for,
-)
+from lab3_usd.sim.own_view import own_view
+from lab3_usd.sim.plays import Play, shown_plays
+from lab3_usd.sim.robots import Robot, hears_commands, owned_graphs, scene_for
 from lab3_usd.sim.streams import (
     CLOCK,
     TRANSFORMS,
     advancing,
-    closed,
-    published,
-    publishers,
-    repeated,
+    spoken_of,
     stamped,
+    unheard,
     unheard_clock,
-    unplayed,
-    untold,
 )
-from lab3_usd.sim.timeline import record, uncollected
+from lab3_usd.sim.timeline import uncollected
 
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 THROUGH = 0.02  # part of a range by which a ray may be longer
-HASTE = 10.0  # times that a clock may run faster than the simulation, or slower
 REPEATED = 4  # times that a transform comes which is no static one
 # What a node says of commands for another robot, of the value of a moment, or of its own switch.
 _PASSING: tuple[FaultKind, ...] = (
@@ -110,24 +90,20 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
         UsageError: the drive is none, or the topic is not that of a robot.
     """
     standing = standing_of(scene, has_ground=True)
-    known = robots_of(scene, platform, topic, standing)
-    robots = tuple(robot for robot in known if topic in ("", robot.commands.topic))
+    shown = shown_plays(scene, platform, standing, drive, topic)
+    known = shown[0].among
+    robots = tuple(play.robot for play in shown if play.robot is not None)
     plays: list[Judged] = []
     graphs_of = owned_graphs(known, scene)
-    names = labels(robots) if len(robots) > 1 else [""]
-    for number, (name, robot) in enumerate(zip(names, robots or (None,), strict=True)):
-        legs = drive_for(robot, scene.meters_per_unit)
-        if drive is not None and (robot is None or robot.kind == TWIST):
-            legs = drive_of(drive, NO_LIMITS)
+    for number, play in enumerate(shown):
+        robot = play.robot
         # The first play shows all topics; the others, what concerns their robot.
-        shown = scene_for(robot, graphs_of, scene, platform) if robot and number else scene
-        play = record(shown, platform, legs, expected_of(robot), standing)
-        if robot is not None and robot.kind != JOINTS:
-            note_up_axis(play, scene)
-        found = _checks_of(robot, known, play, scene) if robot is not None else ()
-        plays.append(Judged(name, play, tuple(found)))
+        part = scene_for(robot, graphs_of, scene, platform) if robot and number else scene
+        trial = play.recorded(part, platform, standing)
+        checks = _robot_checks(robot, known, trial, scene) if robot is not None else ()
+        plays.append(Judged(play.name, trial, tuple(checks)))
         if number:
-            play.recording.forget_messages()
+            trial.recording.forget_messages()
     first = plays[0].trial
     whole = [*_stage_checks(first, known)]
     if any(rival(robot, known) for robot in robots):
@@ -159,7 +135,9 @@ def _failing(plays: Sequence[Judged], whole: Sequence[Check]) -> Iterator[RunFau
             yield RunFault(f"{path} fails", cause.kind or "not-executed", cause.prim, cause.reason)
 
 
-def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene) -> Iterator[Check]:
+def _robot_checks(
+    robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene
+) -> Iterator[Check]:
     """Yield the checks of a robot; what another command undoes is that one's fault."""
     if robot.machine is None:
         yield unmoved(robot, play)
@@ -167,13 +145,15 @@ def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene)
     if robot.reach.untold:
         named = ", ".join(f"{name} ({why})" for name, why in robot.reach.untold.items())
         play.recording.remarks.append(f"{robot.name}: not commanded on its topic: {named}")
-    if play.scrubs and not (robot.wheel_base or robot.has_rollers):
+    if play.scrubs:
         text = f"the wheels of {robot.name} slide in a turn: its angle is unknown"
         play.recording.remarks.append(text)
     if robot.kind == JOINTS:
         checks = arm_checks(play, scene, robot.machine, robot.controller)
     else:
-        checks = _robot_checks(own_view(robot, robots, play, scene), robot, scene)
+        seen = _as_it_shows(own_view(robot, robots, play, scene), robot.machine, scene)
+        own = {name: look for name, look in asked_checks(seen).items() if name not in OF_ALL}
+        checks = iter(judge(seen, own))
     other = rival(robot, robots)
     for check in checks:
         if other is not None and check.verdict == "bad" and check.name in DRIVEN:
@@ -183,28 +163,39 @@ def _checks_of(robot: Robot, robots: Sequence[Robot], play: Trial, scene: Scene)
             yield check
 
 
-def commanded_joints(
-    scene: Scene, platform: Platform, wanted: Expected
-) -> tuple[Robot | None, tuple[Check, ...]]:
-    """Play a stage with commands to the joints that a lab moves by them.
+def joint_checks(play: Play, trial: Trial, scene: Scene) -> list[Check]:
+    """Return the checks of the joints that a lab moves by commands of their own."""
+    if play.robot is not None:
+        return [*_robot_checks(play.robot, play.among, trial, scene)]
+    text = f"commands on {play.wanted.commands} in domain {play.wanted.domain} move no joint"
+    cause = trial.causes.of_joints() if isinstance(trial.causes, RunCauses) else None
+    fault = RunFault(text, "does-not-move")
+    if cause is not None:
+        fault = RunFault(text, cause.kind or fault.kind, cause.prim, cause.reason)
+    return [verdict("joints", [fault], trial)]
 
-    Return the robot that listens to them, if any, and what its joints show.
+
+def _as_it_shows(trial: Trial, machine: Machine, scene: Scene) -> Trial:
+    """Return the play of a robot by its own topics, with checks for what no lab asks of them.
+
+    TF is held against the motion, as nothing says that it has to be that of odometry. A lidar may
+    see parts of its robot, and no wall. A lab says where its sensors are; here each is held
+    against the prim that it shows.
     """
-    topic, domain = wanted.joint_commands, wanted.domain
-    listening = [each for each in listening_robots(scene, platform) if each.kind == JOINTS]
-    at = (topic, domain)
-    told = (each for each in listening if (each.commands.topic, each.commands.domain) == at)
-    robot = next(told, None)
-    seen = replace(expected_of(robot), commands=topic, domain=domain)
-    play = record(scene, platform, drive_for(robot, scene.meters_per_unit), seen)
-    if robot is None:
-        text = f"commands on {topic} in domain {domain} move no joint"
-        cause = play.causes.of_joints() if isinstance(play.causes, RunCauses) else None
-        fault = RunFault(text, "does-not-move")
-        if cause is not None:
-            fault = RunFault(text, cause.kind or fault.kind, cause.prim, cause.reason)
-        return None, (verdict("joints", [fault], play),)
-    return robot, tuple(_checks_of(robot, listening, play, scene))
+    own = {
+        "tree": Look(apart, lambda seen: _has_tree(seen) and any(apart(seen))),
+        "moving frames": Look(moving, _has_tree),
+        "mounted": Look(
+            lambda seen: own_frames(seen, scene, machine),
+            lambda seen: _has_tree(seen) and any(carried_streams(seen, scene, machine)),
+        ),
+        "scan": Look(placed_scan, lambda seen: bool(scans(seen))),
+    }
+    return replace(trial, own_checks={**trial.own_checks, **own})
+
+
+def _has_tree(trial: Trial) -> bool:
+    return bool(trial.recording.topic(trial.wanted.transforms, 0))
 
 
 def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
@@ -212,101 +203,47 @@ def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     recording = trial.recording
     if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
         yield verdict("graphs", list(graphs(trial)), trial)
-    if any(publishers(trial)) or any(closed(trial)) or any(unplayed(trial)):
-        faults = [*published(trial), *repeated(trial), *closed(trial), *untold(trial)]
-        faults += hears_itself(trial, robots)
-        faults += of_another(trial, robots)
+    if spoken_of(trial):
+        faults = [*unheard(trial), *hears_itself(trial, robots), *of_another(trial, robots)]
         yield verdict("topics", faults, trial)
     if any(stamped(trial)):
         yield verdict("stamps", list(advancing(trial)), trial)
     if any(message.type == CAMERA_INFO for message in recording.messages):
         yield verdict("camera", list(pairs(trial)), trial)
-    topics = dict.fromkeys(
-        (message.type, domain_of(message, trial), message.topic)
-        for message in recording.messages
-        if message.type == CLOCK or (message.type == TRANSFORMS and not message.static)
-    )
-    there: dict[tuple[int, str], list[Message]] = {}
+    heard: dict[tuple[str, int, str], list[Message]] = {}
     kept: dict[int, list[Message]] = {}
     for message in recording.messages:
         domain = domain_of(message, trial)
-        if not message.session and (message.type, domain, message.topic) in topics:
-            there.setdefault((domain, message.topic), []).append(message)
-        if not message.session and message.static:
+        if message.type in {CLOCK, TRANSFORMS}:
+            heard.setdefault((message.type, domain, message.topic), []).append(message)
+        if message.static:
             kept.setdefault(domain, []).append(message)
+    topics = [topic for topic, sent in heard.items() if not all(each.static for each in sent)]
     for kind, domain, topic in sorted(topics):
-        seen = _alone(trial, domain, topic, there.get((domain, topic), ()), kept.get(domain, ()))
+        trees = sum(robot.commands.domain == domain for robot in robots)
+        wanted = replace(
+            trial.wanted, domain=domain, clock=topic, transforms=topic, trees=max(1, trees)
+        )
+        seen = _alone(trial, wanted, heard[kind, domain, topic], kept.get(domain, ()))
         if kind == CLOCK:
-            check = verdict("clock", [*running_clock(seen), *unheard_clock(seen, topics)], seen)
+            check = verdict("clock", [*clock(seen), *unheard_clock(seen, topics)], seen)
         else:
-            count = sum(robot.commands.domain == domain for robot in robots)
-            check = verdict("tree", list(one_tree(seen, count)), seen)
+            check = verdict("tree", list(tree(seen)), seen)
         several = sum(topic[0] == kind for topic in topics) > 1
         yield replace(check, of=f"{topic} in domain {domain}" if several else "")
 
 
-def running_clock(trial: Trial) -> Iterator[RunFault]:
-    """The clock runs on, in seconds; how fast, is up to the stage, within limits."""
-    first = trial.recording.topic(trial.wanted.clock, 0)
-    ran = first[-1].stamp - first[0].stamp if first else 0.0
-    passed = first[-1].at - first[0].at if first else 0.0
-    runs = passed / HASTE < ran < passed * HASTE
-    for fault in clock(trial):
-        if not (runs and fault.kind == "wrong-clock-rate"):
-            yield fault
-
-
 def _alone(
-    trial: Trial, domain: int, topic: str, sent: Iterable[Message], kept: Sequence[Message]
+    trial: Trial, wanted: Expected, sent: Iterable[Message], kept: Iterable[Message]
 ) -> Trial:
-    """Return the first play with what was sent on one topic, and with static transforms."""
+    """Return the first session with what was sent on one topic, and with static transforms."""
     recording = Recording(
         trial.recording.seconds,
-        [replace(message, away=None) for message in sent],
+        [replace(message, away=None) for message in sent if not message.session],
         trial.recording.path,
-        static=kept_transforms(kept),
+        static=kept_transforms(message for message in kept if not message.session),
     )
-    wanted = replace(trial.wanted, domain=domain, clock=topic, transforms=topic)
     return Trial(recording, trial.drive[:1], wanted, causes=trial.causes)
-
-
-def one_tree(trial: Trial, robots: int) -> Iterator[RunFault]:
-    """Each frame has one parent and one publisher, and there are no more trees than robots."""
-    heard = build_tree(heard_transforms(trial, 0))
-    if not heard.edges:
-        return
-    top = heard.roots[0]
-    wanted = replace(trial.wanted, root=top, base=top)
-    seen = Trial(trial.recording, trial.drive, wanted, causes=trial.causes)
-    for fault in tree(seen):
-        if fault.kind != "disconnected-frame" or len(heard.parts) > max(1, robots):
-            yield fault
-
-
-def _robot_checks(trial: Trial, robot: Robot, scene: Scene) -> Iterator[Check]:
-    """Yield the checks of a robot: its motion, odometry, TF and sensors."""
-    wanted, legs = trial.wanted, trial.drive[0].legs
-    odometry_came = trial.recording.topic(wanted.odometry, 0)
-    scan_came = _scans(trial)
-    has_base = trial.recording.topic(wanted.transforms, 0)
-    machine = robot.machine
-    asked: dict[str, tuple[CheckFunction, object]] = {
-        "rest": (rest, True),
-        "follows": (
-            lambda seen: follows_command(seen, robot),
-            any(leg.command and any(leg.command[::2]) for leg in legs),
-        ),
-        "odometry": (odometry, odometry_came),
-        "tree": (apart, has_base and any(apart(trial))),
-        "moving frames": (moving, has_base),
-        "mounted": (
-            lambda seen: own_frames(seen, scene, machine) if machine is not None else iter(()),
-            has_base and machine is not None and carried_streams(trial, scene, machine),
-        ),
-        "scan": (placed_scan, scan_came),
-        "again": (lambda seen: follows_after_replay(seen, robot), len(trial.drive) > 1),
-    }
-    yield from judge(trial, {name: check for name, (check, is_asked) in asked.items() if is_asked})
 
 
 def apart(trial: Trial) -> Iterator[RunFault]:
@@ -347,12 +284,6 @@ def moving(trial: Trial) -> Iterator[RunFault]:
             return
 
 
-def _scans(trial: Trial) -> list[tuple[Message, Scan]]:
-    """Return the scans of the first session, whatever else comes on their topic."""
-    messages = trial.recording.topic(trial.wanted.scan, 0)
-    return [(message, message.data) for message in messages if isinstance(message.data, Scan)]
-
-
 def _moving_messages(trial: Trial) -> list[Message]:
     """Return the messages with the transform above the base that comes least often.
 
@@ -375,8 +306,8 @@ def _moving_messages(trial: Trial) -> list[Message]:
 
 def placed_scan(trial: Trial) -> Iterator[RunFault]:
     """Scans end before walls where TF puts the lidar; what stands nearer may be the robot."""
-    message, seen = _scans(trial)[-1]
-    place = in_root(trial, message)
+    message = scans(trial)[-1]
+    place, seen = in_root(trial, message), message.data
     if place is None or trial.walls is None:
         text = f"TF does not have {message.frame} below {trial.wanted.root or 'any frame'}"
         yield RunFault(text, "unknown-frame", message.node, sure=False)

@@ -14,8 +14,8 @@ from lab3_usd.sim.arms import JOINTS, TRANSFORMS, shown_prims
 from lab3_usd.sim.execution.drive import STEERED
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.causes import RunCauses
-from lab3_usd.sim.judge.checks import verdict
-from lab3_usd.sim.judge.expectations import RunFault, Trial, displacement
+from lab3_usd.sim.judge.checks import ASKED, verdict
+from lab3_usd.sim.judge.expectations import Look, RunFault, Trial, displacement
 from lab3_usd.sim.judge.motion import again, follows
 from lab3_usd.sim.robots import Robot, owners_of
 
@@ -253,27 +253,23 @@ def follows_after_replay(trial: Trial, robot: Robot) -> Iterator[RunFault]:
         yield from again(trial)
 
 
-def note_up_axis(trial: Trial, scene: Scene) -> None:
-    """Note what is not judged where Z is not up: robots drive over ground along X and Y only."""
+def as_of_kind(trial: Trial, robot: Robot | None, scene: Scene) -> Trial:
+    """Return a trial that is judged by what the base of its robot can do, as any stage is.
+
+    A car turns about one point, and a robot on rollers goes to any side: each wheel of theirs by
+    itself would slide. None is one on two wheels. Robots drive over ground along X and Y only.
+    """
     if scene.up != "Z" and trial.wanted.commands:
         text = f"robots drive with Z up only, and the stage has {scene.up} up"
         trial.recording.not_simulated["/"] = text
         trial.recording.unplayed |= dict.fromkeys(OVER_GROUND, f"not simulated: {text}")
-
-
-def as_of_kind(trial: Trial, robot: Robot | None, scene: Scene) -> Trial:
-    """Return a trial that is judged by what the base of its robot can do, as any stage is.
-
-    A car turns about one point, and a robot on rollers goes to any side. None is one on two wheels.
-    """
-    note_up_axis(trial, scene)
     if robot is None:
         return trial
     own = {
-        "follows": lambda seen: follows_command(seen, robot),
-        "again": lambda seen: follows_after_replay(seen, robot),
+        "follows": Look(lambda seen: follows_command(seen, robot), ASKED["follows"]),
+        "again": Look(lambda seen: follows_after_replay(seen, robot), ASKED["again"]),
     }
-    return replace(trial, own_checks=own, scrubs=False)
+    return replace(trial, own_checks=own, scrubs=trial.scrubs and not robot.goes_otherwise)
 
 
 def unmoved(robot: Robot, trial: Trial) -> Check:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 
 from msgspec.structs import replace
@@ -10,19 +11,24 @@ from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import HERE, Behaviour, Check, Driven, Scene, Unknown
-from lab3_usd.model.physics import BODY_API
-from lab3_usd.sim.any_stage import Played, commanded_joints, play_any
-from lab3_usd.sim.commands import as_of_kind
-from lab3_usd.sim.execution.drive import NO_LIMITS, drive_of, fixed_drive
+from lab3_usd.sim.any_stage import Played, joint_checks, play_any
+from lab3_usd.sim.execution.drive import NO_LIMITS, drive_of
+from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.checks import asked_checks
-from lab3_usd.sim.judge.expectations import Expected, Trial
+from lab3_usd.sim.judge.expectations import Trial
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.topics import expected_at, expected_of_each
-from lab3_usd.sim.outcome import DryRun, behaviour_of, judge_each, sent_frames, sent_topics
-from lab3_usd.sim.robots import TWIST, drive_for, robot_of_kind
-from lab3_usd.sim.timeline import record
+from lab3_usd.sim.outcome import (
+    DryRun,
+    Judged,
+    behaviour_of,
+    judge_each,
+    sent_frames,
+    sent_topics,
+)
+from lab3_usd.sim.plays import asked_plays
+from lab3_usd.sim.robots import Robot
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.scene import stands_within
 
 
 def scene_of(path: Path, platform: Platform) -> Scene:
@@ -73,9 +79,9 @@ def dry_run(
 
 def _by_itself(played: Played) -> DryRun:
     """Return the results of a stage that is judged by what it shows itself."""
-    first = played.plays[0].trial
-    sent = first.recording.messages
-    behaviour = behaviour_of(played.plays, played.whole)
+    sent = played.plays[0].trial.recording.messages
+    run = _summed_up(played.plays, played.whole, played.robots, sent)
+    behaviour = run.behaviour
     verdict, missing = behaviour.verdict, behaviour.missing
     if verdict == "ok" and played.has_commands:
         verdict, missing = "not judged", played.missing
@@ -86,16 +92,29 @@ def _by_itself(played: Played) -> DryRun:
         behaviour,
         verdict=verdict,
         missing=missing,
-        topics=tuple(sent_topics(sent, first)),
-        frames=tuple(sent_frames(sent)),
         path=behaviour.path if played.robots else (),
         remarks=(*behaviour.remarks, *unasked),
+    )
+    return replace(run, behaviour=behaviour)
+
+
+def _summed_up(
+    judged: Sequence[Judged],
+    whole: Sequence[Check],
+    robots: Iterable[Robot],
+    sent: Sequence[Message],
+    radius_of: str = "",
+) -> DryRun:
+    """Return the results of plays: what was sent is that of the first, `robots` are named."""
+    behaviour = replace(
+        behaviour_of(judged, whole, radius_of),
+        topics=tuple(sent_topics(sent, judged[0].trial)),
+        frames=tuple(sent_frames(sent)),
         robots=tuple(
-            Driven(robot.name, robot.commands.topic, robot.commands.domain)
-            for robot in played.robots
+            Driven(robot.name, robot.commands.topic, robot.commands.domain) for robot in robots
         ),
     )
-    return DryRun(behaviour, {each.name: each.trial for each in played.plays})
+    return DryRun(behaviour, {each.name: each.trial for each in judged})
 
 
 def _at_checkpoint(
@@ -103,64 +122,32 @@ def _at_checkpoint(
 ) -> DryRun:
     """Return the results of a stage that is judged by what a lab asks for."""
     lab, checkpoint = asked_by[0], asked_by[0].checkpoints[asked_by[1]]
-    asked = expected_of_each(lab, checkpoint)
     trials: dict[str, Trial] = {}
-    of_joints: list[tuple[Check, ...]] = []
-    driven: list[Driven] = []
-    for name, wanted in asked.items():
-        trials[name] = _played_for(scene, lab, name, wanted, drive)
-        if checkpoint.localization and (not name or wanted.root == lab.frames.root):
-            _lay_on_map(trials[name], path, maps, lab)
-        shown: tuple[Check, ...] = ()
-        if wanted.joint_commands:
-            robot, shown = commanded_joints(scene, lab.platform, wanted)
-            of = wanted.joint_commands if wanted.commands else ""
-            shown = tuple(replace(check, of=of) for check in shown)
-            if robot is not None:
-                driven.append(Driven(robot.name, wanted.joint_commands, wanted.domain))
-        of_joints.append(shown)
+    of_joints: dict[str, list[Check]] = {}
+    arms: list[Robot] = []
+    for play in asked_plays(scene, lab, expected_of_each(lab, checkpoint), drive):
+        trial = play.recorded(scene, lab.platform)
+        if play.is_of_joints:
+            of = play.wanted.commands if trials[play.name].wanted.commands else ""
+            shown = joint_checks(play, trial, scene)
+            of_joints[play.name] = [replace(check, of=of) for check in shown]
+            arms += [] if play.robot is None else [play.robot]
+            continue
+        if checkpoint.localization and (not play.name or play.wanted.root == lab.frames.root):
+            _lay_on_map(trial, path, maps, lab)
+        trials[play.name] = trial
     first = next(iter(trials.values()))
     shared = replace(first, wanted=expected_at(lab, checkpoint))
     judged, whole = judge_each(trials, shared, asked_checks)
-    pairs = zip(judged, of_joints, strict=True)
-    robots = [replace(each, checks=(*each.checks, *shown)) for each, shown in pairs]
+    judged = [
+        replace(each, checks=(*each.checks, *of_joints.get(each.name, ()))) for each in judged
+    ]
     sent = [message for message in first.recording.messages if message.away is None]
-    behaviour = replace(
-        behaviour_of(robots, whole, " with the radius of the lab"),
-        topics=tuple(sent_topics(sent, first)),
-        frames=tuple(sent_frames(sent)),
-        robots=tuple(driven),
-    )
-    if not behaviour.checks and not checkpoint.graphs:
+    run = _summed_up(judged, whole, arms, sent, " with the radius of the lab")
+    if not run.behaviour.checks and not checkpoint.graphs:
         missing = _nothing_yet(lab, checkpoint.id)
-        behaviour = replace(behaviour, missing=missing, is_early=True)
-    return DryRun(behaviour, trials)
-
-
-def _played_for(scene: Scene, lab: Lab, name: str, wanted: Expected, drive: str | None) -> Trial:
-    """Play a stage with the commands of a robot of the lab, as its base can follow them."""
-    robot = robot_of_kind(scene, lab.platform, wanted)
-    if robot is not None and (drive is None or robot.kind != TWIST):
-        sessions = drive_for(robot, scene.meters_per_unit)
-    elif drive is not None:
-        sessions = drive_of(drive, wanted.limits)
-    else:
-        stays = wanted.goes_with_environment
-        fixed = fixed_drive(wanted.limits)
-        sessions = tuple(each for each in fixed if not (stays and each.environment))
-    watched = watched_body(wanted, name, scene, lab)
-    return as_of_kind(record(scene, lab.platform, sessions, watched), robot, scene)
-
-
-def watched_body(wanted: Expected, name: str, scene: Scene, lab: Lab) -> Expected:
-    """Return what is expected of one of several robots, by a body that it has in the stage."""
-    robot = next((robot for robot in lab.scene.robots if name and robot.title == name), None)
-    if robot is None:
-        return wanted
-    bodies = [path for path, prim in scene.prims.items() if BODY_API in prim.apis]
-    own = sorted(path for path in bodies if stands_within(path, robot.path))
-    known = (path for path in (robot.base, *robot.link_paths, *own) if path in bodies)
-    return replace(wanted, robot=next(known, robot.base))
+        return replace(run, behaviour=replace(run.behaviour, missing=missing, is_early=True))
+    return run
 
 
 def _nothing_yet(lab: Lab, checkpoint: str) -> str:

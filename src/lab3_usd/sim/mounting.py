@@ -11,6 +11,7 @@ from lab3_usd.physics.machine import Machine
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Message, Points, Scan, View
 from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
+from lab3_usd.sim.judge.sensors import apart_from_images, moves_with_base
 from lab3_usd.sim.nodes.transforms import frame_name
 
 _CLOUD, _INFO = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CameraInfo"
@@ -43,7 +44,7 @@ def carried_streams(trial: Trial, scene: Scene, machine: Machine) -> list[list[M
     """Return the messages of each sensor of a robot whose points, if any, are in its own axes."""
     found = []
     for messages in streams(trial.recording.messages).values():
-        sensor, _ = _seen(messages[0]) or ("", Affine())
+        sensor = messages[0].data.sensor
         is_carried = any(is_within(sensor, (path,)) for path in machine.rest)
         in_own_axes = scene.prims[sensor].values.get(_AXES, _OWN) == _OWN
         if is_carried and in_own_axes and messages[0].away is None:
@@ -53,22 +54,15 @@ def carried_streams(trial: Trial, scene: Scene, machine: Machine) -> list[list[M
 
 def own_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFault]:
     """Every sensor of a robot is in a frame that moves with it, and is not that of another one."""
-    base = trial.wanted.base
     for messages in carried_streams(trial, scene, machine):
-        first, last = messages[min(1, len(messages) - 1)], messages[-1]
-        sensor, place = _seen(first) or ("", Affine())
-        if not _moves_with_base(trial, first, last):
-            text = f"{first.frame} does not move with {base}, and {first.topic} shows {sensor}"
-            yield RunFault(text, "loose-sensor", first.node)
+        first = messages[:2][-1]
+        if not moves_with_base(trial, messages):
+            text = f"{first.frame} does not move with {trial.wanted.base}, and {first.topic} shows"
+            yield RunFault(f"{text} {first.data.sensor}", "loose-sensor", first.node)
             continue
-        frame = in_root(trial, first)
-        if frame is None:
-            yield from _of_another_robot(first, sensor, scene, machine)
-            continue
-        off = frame.inverse().then(trial.start.inverse().then(place))
-        fault = _of_another(first, sensor, off, scene) or _turned(first, sensor, off)
-        if fault is not None:
-            yield fault
+        frame, place = in_root(trial, first), trial.start.inverse().then(first.data.place)
+        off = None if frame is None else frame.inverse().then(place)
+        yield from _misplaced(first, off, scene, machine)
 
 
 def held_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFault]:
@@ -77,20 +71,25 @@ def held_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFau
     It is looked at where legs of joint commands end, as seen from the first link that TF has.
     """
     for messages in carried_streams(trial, scene, machine):
-        first = messages[0]
-        sensor, _ = _seen(first) or ("", Affine())
-        offsets = list(_offsets(trial, scene, messages))
-        if not offsets:
-            yield from _of_another_robot(first, sensor, scene, machine)
+        first, offsets = messages[0], list(_offsets(trial, scene, messages))
+        if all(agree(offsets[0], off) for off in offsets):
+            yield from _misplaced(first, next(iter(offsets), None), scene, machine)
             continue
-        if not all(agree(offsets[0], off) for off in offsets):
-            text = f"{first.frame} does not move with {sensor}, which {first.topic} shows"
-            yield RunFault(text, "loose-sensor", first.node)
-            continue
-        off = offsets[0]
-        fault = _of_another(first, sensor, off, scene) or _turned(first, sensor, off)
-        if fault is not None:
-            yield fault
+        text = f"{first.frame} does not move with {first.data.sensor}, which {first.topic} shows"
+        yield RunFault(text, "loose-sensor", first.node)
+
+
+def _misplaced(
+    first: Message, off: Affine | None, scene: Scene, machine: Machine
+) -> Iterator[RunFault]:
+    """Yield what is wrong where a sensor is `off` its frame, None where TF does not have that."""
+    sensor = first.data.sensor
+    if off is None:
+        yield from _of_another_robot(first, sensor, scene, machine)
+        return
+    fault = _of_another(first, sensor, off, scene) or _turned(first, sensor, off)
+    if fault is not None:
+        yield fault
 
 
 def _offsets(trial: Trial, scene: Scene, messages: Sequence[Message]) -> Iterator[Affine]:
@@ -99,7 +98,7 @@ def _offsets(trial: Trial, scene: Scene, messages: Sequence[Message]) -> Iterato
         shown = [message for message in messages if message.at <= held.at]
         if held.session or not shown:
             continue
-        _, place = _seen(shown[-1]) or ("", Affine())
+        place = shown[-1].data.place
         frame = in_root(trial, Message("", 0.0, shown[-1].frame, at=held.at))
         for link, stands in held.links.items():
             name = frame_name(scene.prims[link])
@@ -108,17 +107,6 @@ def _offsets(trial: Trial, scene: Scene, messages: Sequence[Message]) -> Iterato
                 seen = published.inverse().then(frame)
                 yield seen.inverse().then(stands.inverse().then(place))
                 break
-
-
-def _moves_with_base(trial: Trial, first: Message, last: Message) -> bool:
-    """Whether the frame of a sensor stays where it is as seen from the base, by TF."""
-    places = []
-    for message in (first, last):
-        base = Message("", 0.0, trial.wanted.base, at=message.at, session=message.session)
-        sensor_place, base_place = in_root(trial, message), in_root(trial, base)
-        if sensor_place is not None and base_place is not None:
-            places.append(base_place.inverse().then(sensor_place))
-    return len(places) <= 1 or agree(*places)
 
 
 def _of_another(message: Message, sensor: str, off: Affine, scene: Scene) -> RunFault | None:
@@ -201,15 +189,7 @@ def _unlike(info: Message, images: Sequence[Message]) -> Iterator[RunFault]:
         text = f"{info.topic} shows {info.data.sensor}, and {images[0].topic} "
         text += images[0].data.sensor
         yield RunFault(text, "wrong-render-product", info.node)
-    frames = [image for image in same if image.frame != info.frame]
-    if frames:
-        site = info if len(frames) == len(same) else frames[0]
-        text = f"{info.topic} is in {info.frame}, and {frames[0].topic} in {frames[0].frame}"
-        yield RunFault(text, "image-info-frames-differ", site.node)
-    sizes = [(image.data.width, image.data.height) for image in same]
-    if sizes and (info.data.width, info.data.height) not in sizes:
-        text = f"{info.topic} and {same[0].topic} differ in size"
-        yield RunFault(text, "image-info-sizes-differ", info.node)
+    yield from apart_from_images(info, same)
     clocks = [image.stamp - image.at for image in same if image.session == info.session]
     if clocks and all(abs(clock - (info.stamp - info.at)) > CLOCKS_APART for clock in clocks):
         text = f"{info.topic} and {same[0].topic} have the times of two clocks: none ever match"

@@ -63,15 +63,13 @@ def judge_each(
     asked: Callable[[AnyTrial], Mapping[str, Callable[[AnyTrial], Iterator[RunFault]]]],
 ) -> tuple[list[Judged], tuple[Check, ...]]:
     """Judge the drives of robots by name, the only one by '', and what they share once."""
-    if "" in trials:
-        return [Judged("", trials[""], judge(trials[""], asked(trials[""])))], ()
-    names = of_all(trials.values())
+    of_each = () if "" in trials else of_all(trials.values())
     robots = []
     for name, trial in trials.items():
-        own = {check: look for check, look in asked(trial).items() if check not in names}
+        own = {check: look for check, look in asked(trial).items() if check not in of_each}
         robots.append(Judged(name, trial, judge(trial, own)))
-    of_each = {check: look for check, look in asked(shared).items() if check in names}
-    return robots, judge(shared, of_each)
+    whole = {check: look for check, look in asked(shared).items() if check in of_each}
+    return robots, judge(shared, whole)
 
 
 def behaviour_of(

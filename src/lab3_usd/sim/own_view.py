@@ -10,7 +10,7 @@ from lab3_usd.facts.tree import SentTransform
 from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.sim.arms import TRANSFORMS, are_of, shown_prims
-from lab3_usd.sim.execution.recording import Message, Transform
+from lab3_usd.sim.execution.recording import Message, kept_transforms
 from lab3_usd.sim.judge.expectations import Trial, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.robots import Robot
@@ -21,12 +21,6 @@ _KEPT = "_static"  # what the topic of transforms that are kept has more
 def _heard_on(message: Message) -> str:
     """Return the TF topic that listeners read together with a message's: /tf for /tf_static."""
     return message.topic.removesuffix(_KEPT) if message.static else message.topic
-
-
-def kept_transforms(messages: Sequence[Message]) -> tuple[tuple[Transform, str], ...]:
-    """Return the transforms that hold throughout, with the nodes that send them."""
-    static = (message for message in messages if message.static)
-    return tuple((frame, message.node) for message in static for frame in message.transforms)
 
 
 def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Trial) -> bool:
@@ -90,8 +84,6 @@ def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene)
         recording=recording,
         wanted=replace(wanted, root=root),
         start=robot.start,
-        # Each wheel of a car by itself would slide; all of them turn about one point.
-        scrubs=played.scrubs and not (robot.wheel_base or robot.has_rollers),
     )
     sent = recording.topic(wanted.transforms, 0)
     place = in_root(trial, replace(sent[0], frame=base)) if sent else None

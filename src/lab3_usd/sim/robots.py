@@ -10,7 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
-from lab3_usd.isaac.node_types import INPUT, NodeType
+from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.physics.machine import Machine
@@ -32,6 +32,7 @@ LEG, RAMPS, LONGEST = 2.0, 12.0, 20.0  # seconds; how many times a robot takes t
 ROLLERS, WHEEL_BASE = "mecanumAngles", "wheelBase"  # inputs that only some controllers have
 WHEEL_RADIUS = "wheelRadius"
 STEERED = 0.3  # radians to which a car is steered
+HASTE = 10.0  # times that the clock of any stage may run faster than the simulation, or slower
 
 
 class Robot(Struct, frozen=True):
@@ -67,6 +68,15 @@ class Robot(Struct, frozen=True):
     def name(self) -> str:
         """The prim that stands for it."""
         return self.body or self.controller
+
+    @property
+    def goes_otherwise(self) -> bool:
+        """Whether it steers, or goes to any side on rollers, as one on two wheels does not."""
+        return self.machine is not None and bool(self.has_rollers or self.wheel_base)
+
+    def hears(self, topic: str, domain: int) -> bool:
+        """Whether its commands come on a topic in a domain."""
+        return (self.commands.topic, self.commands.domain) == (topic, domain)
 
 
 def robots_of(
@@ -182,30 +192,6 @@ def listening_robots(
     for _ in range(LOOKED_AT):
         player.step()
     return list(_listening(player))
-
-
-def robot_of_kind(scene: Scene, platform: Platform, wanted: Expected) -> Robot | None:
-    """Return the robot of these commands if it is a car or goes on rollers, else None.
-
-    Only what its controllers ask for tells: nothing is played where no node has such an input.
-    """
-    types = {node.type for graph in scene.graphs for node in graph.nodes}
-    known = [kind for kind in map(platform.get, types) if kind is not None]
-    if not any(
-        kind.port(INPUT + name) is not None for kind in known for name in (ROLLERS, WHEEL_BASE)
-    ):
-        return None
-    return next(
-        (
-            robot
-            for robot in listening_robots(scene, platform)
-            if robot.commands.topic == wanted.commands
-            and robot.commands.domain == wanted.domain
-            and robot.machine is not None
-            and (robot.has_rollers or robot.wheel_base)
-        ),
-        None,
-    )
 
 
 def hears_commands(kind: NodeType) -> bool:
@@ -383,14 +369,16 @@ def _centre(machine: Machine, start: Affine, unit: float) -> tuple[float, float]
 def expected_of(robot: Robot | None) -> Expected:
     """Return what is known before a play: which robot is watched, and where its commands come."""
     if robot is None:
-        return Expected(has_ground=True)
+        return Expected(has_ground=True, haste=HASTE)
     return Expected(
         domain=robot.commands.domain,
         commands=robot.commands.topic,
+        joint_commands=robot.commands.topic if robot.kind == JOINTS else "",
         wheel_radius=robot.wheel_radius,
         centre=robot.centre,
         robot=robot.body,
         has_ground=True,
+        haste=HASTE,
     )
 
 

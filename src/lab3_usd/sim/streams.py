@@ -59,6 +59,17 @@ def publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:
             yield node.path, cause
 
 
+def spoken_of(trial: Trial) -> bool:
+    """Whether nodes are to publish or to listen, played or not."""
+    return any(publishers(trial)) or any(closed(trial)) or any(unplayed(trial))
+
+
+def unheard(trial: Trial) -> Iterator[RunFault]:
+    """Yield what keeps messages of publishers and subscribers from coming."""
+    for faults in (published, repeated, closed, untold):
+        yield from faults(trial)
+
+
 def published(trial: Trial) -> Iterator[RunFault]:
     """Every publisher that is not switched off sends."""
     sent = {message.node for message in trial.recording.messages}

@@ -27,6 +27,7 @@ from lab3_usd.sim.execution.recording import (
     Scan,
     Steering,
     View,
+    kept_transforms,
 )
 from lab3_usd.sim.execution.world import RosEndpoint, Standing, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
@@ -287,20 +288,6 @@ def player_of(
     return player
 
 
-def record(
-    scene: Scene,
-    platform: Platform,
-    drive: Sequence[Session],
-    wanted: Expected,
-    standing: Standing | None = None,
-) -> Trial:
-    """Play the sessions, and return what was sent, where the robot went, and what it stood in.
-
-    What stands there may be shared with plays of the same prims that are over.
-    """
-    return trial_of(played(scene, platform, drive, wanted, standing), drive, wanted)
-
-
 def played(
     scene: Scene,
     platform: Platform,
@@ -308,7 +295,10 @@ def played(
     wanted: Expected,
     standing: Standing | None = None,
 ) -> Player:
-    """Play the sessions, and return who has."""
+    """Play the sessions, and return who has.
+
+    What stands there may be shared with plays of the same prims that are over.
+    """
     player = player_of(scene, platform, wanted, standing)
     with uncollected():
         for session in drive:
@@ -334,11 +324,10 @@ def trial_of(player: Player, drive: Sequence[Session], wanted: Expected) -> Tria
     robot, unit, start = player.robot, scene.meters_per_unit, player.start
     recording = player.recording
     recording.messages = world.network.sent
-    recording.static = tuple(
-        (transform, message.node)
+    recording.static = kept_transforms(
+        message
         for message in recording.messages
-        if message.topic in wanted.static and message.static and message.away is None
-        for transform in message.transforms
+        if message.topic in wanted.static and message.away is None
     )
     recording.assumed, recording.unplayed = world.assumed, world.unplayed
     recording.gives = world.gives
@@ -373,24 +362,15 @@ def trial_of(player: Player, drive: Sequence[Session], wanted: Expected) -> Tria
         unit,
     )
     recording.radii = causes.radii()
-    if robot is not None and robot.is_given_ground:
-        recording.remarks.append(f"no ground is below {robot.base}: a ground plane is supplied")
+    trial = Trial(recording, drive, wanted, level, walls, causes, cut_room)
     if robot is not None:
+        if robot.is_given_ground:
+            text = f"no ground is below {robot.base}: a ground plane is supplied"
+            recording.remarks.append(text)
         recording.wheels = tuple(wheel.joint.name for wheel in robot.wheels if wheel.joint.holds)
-    if robot is None:
-        return Trial(recording, drive, wanted, level, walls, causes, cut_room)
-    return Trial(
-        recording,
-        drive,
-        wanted,
-        level,
-        walls,
-        causes,
-        cut_room,
-        robot.radius * unit,
-        factor=_rolled(robot, wanted.wheel_radius / unit),
-        scrubs=robot.scrubs,
-    )
+        trial.radius, trial.scrubs = robot.radius * unit, robot.scrubs
+        trial.factor = _rolled(robot, wanted.wheel_radius / unit)
+    return trial
 
 
 def _rolled(robot: Machine, stated: float) -> float:

@@ -14,15 +14,23 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import RecordingError
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.sim.any_stage import one_tree
 from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.decoder import is_read
 from lab3_usd.sim.bag.driven import follows_side
-from lab3_usd.sim.bag.judge import Recorded, judged_drives, of_recording, recorded_drive, unread
-from lab3_usd.sim.bag.reader import Topics, gather
-from lab3_usd.sim.bag.recording_files import Bounds, Layout, Offered, layout_at, opened
+from lab3_usd.sim.bag.judge import (
+    Recorded,
+    judged_drives,
+    of_recording,
+    read_by_name,
+    recorded_drive,
+    unread,
+)
+from lab3_usd.sim.bag.reader import Gathered, Topics
+from lab3_usd.sim.bag.recording_files import Bounds, Offered, layout_at, opened
 from lab3_usd.sim.execution.recording import Odometry
-from lab3_usd.sim.judge.expectations import RunFault, Trial
+from lab3_usd.sim.judge.checks import ASKED
+from lab3_usd.sim.judge.expectations import Look, RunFault, Trial
+from lab3_usd.sim.judge.topics import tree
 from lab3_usd.sim.outcome import DryRun
 from lab3_usd.sim.robots import ODOMETRY, STEERING, TWIST, expected_of
 from lab3_usd.sim.streams import CLOCK, TRANSFORMS
@@ -60,13 +68,14 @@ def judge_any_recording(
         layout, bounds = layout_at(recording), Bounds()
         with opened(layout, bounds) as bag:
             kinds = dict(bag.topics)
-        robots = robots_in(kinds, {*commanded, *_usual_commands(platform, kinds)})
-        drives = [_drive_of(layout, bounds, kinds, robot, len(robots)) for robot in robots]
+        found = robots_in(kinds, {*commanded, *_usual_commands(platform, kinds)})
+        robots = {robot.name if found[1:] else "": robot for robot in found}
+        asked = {name: _topics_of(each, kinds, len(robots)) for name, each in robots.items()}
+        readings = read_by_name(layout, bounds, asked)
     except (RecordingError, OSError) as error:
         return unread(recording, "", error)
-    names = [robot.name for robot in robots] if len(robots) > 1 else [""]
-    by_name = dict(zip(names, drives, strict=True))
-    run = of_recording(judged_drives(by_name, drives[0]), recording, layout)
+    drives = {name: _drive_of(robots[name], *reading) for name, reading in readings.items()}
+    run = of_recording(judged_drives(drives, next(iter(drives.values()))), recording, layout)
     if run.behaviour.topics:
         return run
     nothing = replace(run.behaviour, verdict="not judged", missing="nothing was recorded")
@@ -146,10 +155,8 @@ def _usual_commands(platform: Platform, kinds: Kinds) -> Iterator[str]:
     yield from (topic for topic, of in kinds if of == JOINTS and topic.split("/")[-1] in names)
 
 
-def _drive_of(
-    layout: Layout, bounds: Bounds, kinds: Kinds, robot: RecordedRobot, robots: int
-) -> Recorded:
-    """Read what concerns one robot, and return its drive."""
+def _topics_of(robot: RecordedRobot, kinds: Kinds, robots: int) -> Topics:
+    """Return what is read of a recording for one of its robots."""
     clocks = sorted((topic for topic, of in kinds if of == CLOCK), key=lambda name: name.count("/"))
     static = frozenset(
         topic
@@ -169,10 +176,14 @@ def _drive_of(
         static=static,
         is_car=(robot.commands, STEERING) in kinds,
         has_rollers=True,  # a robot that nothing is known of may go to any side
+        trees=robots,
     )
-    topics = Topics(wanted, "", joints=robot.joints)
-    with opened(layout, bounds) as bag:
-        gathered = gather(bag.messages(), bag.topics, topics, bounds)
+    return Topics(wanted, "", joints=robot.joints)
+
+
+def _drive_of(robot: RecordedRobot, topics: Topics, gathered: Gathered) -> Recorded:
+    """Return what was recorded of a robot, as its drive."""
+    wanted = topics.wanted
     sent = gathered.recording.topic(wanted.odometry, 0)
     told = next((message for message in sent if isinstance(message.data, Odometry)), None)
     wanted = replace(wanted, types={})  # of which none is asked for
@@ -180,20 +191,16 @@ def _drive_of(
         wanted = replace(wanted, root=told.frame, base=told.data.child)
     drive = recorded_drive(gathered, replace(topics, wanted=wanted))
     drive.own_checks = {
-        "tree": lambda seen: _tree(seen, robots),
-        "follows": follows_side,
+        "tree": Look(_tree, ASKED["tree"]),
+        "follows": Look(follows_side, ASKED["follows"]),
     }
-    if robot.commands:
-        held = f"{robot.odometry} is held against the commands on {robot.commands}"
-        drive.recording.remarks.append(held)
-    if robot.joint_commands:
-        held = f"{robot.joints} is held against the commands on {robot.joint_commands}"
-        drive.recording.remarks.append(held)
+    pairs = (robot.odometry, robot.commands), (robot.joints, robot.joint_commands)
+    drive.recording.remarks += [
+        f"{shown} is held against the commands on {told}" for shown, told in pairs if told
+    ]
     return drive
 
 
-def _tree(trial: Trial, robots: int) -> Iterator[RunFault]:
+def _tree(trial: Trial) -> Iterator[RunFault]:
     """Each frame has one parent; how often a transform comes is up to its node."""
-    for fault in one_tree(trial, robots):
-        if fault.kind != "transform-ends":
-            yield fault
+    yield from (fault for fault in tree(trial) if fault.kind != "transform-ends")

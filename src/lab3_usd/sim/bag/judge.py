@@ -30,9 +30,16 @@ from lab3_usd.sim.bag.reader import Gathered, Topics, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.execution.drive import Session
 from lab3_usd.sim.execution.recording import Odometry
+from lab3_usd.sim.judge.checks import ASKED
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
-from lab3_usd.sim.judge.checks import is_asked
-from lab3_usd.sim.judge.expectations import PHYSICAL, RunFault, Trial, displacement, is_about
+from lab3_usd.sim.judge.expectations import (
+    PHYSICAL,
+    Look,
+    RunFault,
+    Trial,
+    displacement,
+    is_about,
+)
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import SHORT
 from lab3_usd.sim.judge.topics import SLOW, expected_at, expected_of_each, map_topic, reached_topics
@@ -267,7 +274,7 @@ def judge_recording(
     """
     try:
         layout, bounds = layout_at(recording), Bounds()
-        readings = _read(layout, bounds, lab, checkpoint)
+        readings = read_by_name(layout, bounds, dict(_topics_asked(lab, checkpoint)))
     except (RecordingError, OSError) as error:
         return unread(recording, checkpoint, error)
     for topics, gathered in readings.values():
@@ -287,7 +294,7 @@ def judge_what_came(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -
     Raises:
         RecordingError: it cannot be read.
     """
-    readings = _read(layout, bounds, lab, checkpoint)
+    readings = read_by_name(layout, bounds, dict(_topics_asked(lab, checkpoint)))
     _, gathered = readings[""]
     came = {topic for (topic, _), tally in gathered.tallies.items() if tally.count}
     seen = _asking_for(readings, lambda topic: topic in came)
@@ -311,28 +318,33 @@ def of_recording(run: DryRun, recording: Path, layout: Layout, checkpoint: str =
     return replace(run, behaviour=behaviour)
 
 
-_Readings = Mapping[str, tuple[Topics, Gathered]]
+Readings = Mapping[str, tuple[Topics, Gathered]]
 
 
-def _read(layout: Layout, bounds: Bounds, lab: Lab, checkpoint: str) -> _Readings:
-    """Read a recording by what the lab asks of all robots (''), and of each of several by name.
+def read_by_name(layout: Layout, bounds: Bounds, asked: Mapping[str, Topics]) -> Readings:
+    """Read of a recording what is asked of robots by name.
 
     Raises:
         RecordingError: it cannot be read.
     """
-    asked = {"": expected_at(lab, lab.checkpoints[checkpoint])}
-    asked |= expected_of_each(lab, lab.checkpoints[checkpoint])
-    status = "" if lab.ros.goal is None else lab.ros.goal.status
     readings = {}
-    for name, wanted in asked.items():
-        states = next((topic for topic, kind in wanted.types.items() if kind == JOINTS), "")
-        topics = Topics(wanted, status, *map_topic(lab, checkpoint), states)
+    for name, topics in asked.items():
         with opened(layout, bounds) as bag:
             readings[name] = topics, gather(bag.messages(), bag.topics, topics, bounds)
     return readings
 
 
-def _asking_for(readings: _Readings, is_asked_for: Callable[[str], bool]) -> _Readings:
+def _topics_asked(lab: Lab, checkpoint: str) -> Iterator[tuple[str, Topics]]:
+    """Yield what the lab asks of all robots (''), and of each of several by name."""
+    asked = {"": expected_at(lab, lab.checkpoints[checkpoint])}
+    asked |= expected_of_each(lab, lab.checkpoints[checkpoint])
+    status = "" if lab.ros.goal is None else lab.ros.goal.status
+    for name, wanted in asked.items():
+        states = next((topic for topic, kind in wanted.types.items() if kind == JOINTS), "")
+        yield name, Topics(wanted, status, *map_topic(lab, checkpoint), states)
+
+
+def _asking_for(readings: Readings, is_asked_for: Callable[[str], bool]) -> Readings:
     """Return what was read, asking for messages on some topics only."""
     asking = {}
     for name, (topics, gathered) in readings.items():
@@ -342,7 +354,7 @@ def _asking_for(readings: _Readings, is_asked_for: Callable[[str], bool]) -> _Re
     return asking
 
 
-def _judged(readings: _Readings, asked_by: tuple[Lab, str], *, whole: bool) -> DryRun:
+def _judged(readings: Readings, asked_by: tuple[Lab, str], *, whole: bool) -> DryRun:
     """Judge what was read by what a lab asks for."""
     lab, checkpoint = asked_by
     every = {}
@@ -374,7 +386,7 @@ _TABLE: dict[str, CheckFunction] = {**SHARED, **CHECKS}
 
 def _asked(recorded: Recorded) -> dict[str, CheckFunction]:
     """Return the checks that are asked for, and for which something was recorded."""
-    names = {name for name in _TABLE if name not in SHARED or is_asked(name, recorded)}
+    names = {name for name in _TABLE if name not in SHARED or ASKED[name](recorded)}
     if not (recorded.gathered.commands and recorded.recording.path):
         names -= {*_MOVED}
     if not recorded.interface:
@@ -385,7 +397,7 @@ def _asked(recorded: Recorded) -> dict[str, CheckFunction]:
     if not (joint_commands and recorded.topics.joints):
         names -= {"joints"}
     names -= {"localization", "goal"} - recorded.navigation
-    table = {**_TABLE, **recorded.own_checks}
+    table = _TABLE | {name: look.faults for name, look in recorded.own_checks.items()}
     return {name: table[name] for name in _TABLE if name in names}
 
 
@@ -397,7 +409,7 @@ def recorded_drive(gathered: Gathered, topics: Topics) -> Recorded:
     own_checks = {}
     if wanted.is_car or wanted.has_rollers:
         drive = tuple(leg_of_any_base(leg, is_steered=wanted.is_car) for leg in drive)
-        own_checks = {"follows": follows_side}
+        own_checks = {"follows": Look(follows_side, ASKED["follows"])}
     states = recording.topic(topics.joints, 0)
     recording.wheels, recording.path = turning_joints([*path(gathered.places, drive)], states)
     drive_of_robot = Recorded(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from bisect import bisect_left, bisect_right
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import lru_cache
 from typing import Any, TypeVar, overload
 
@@ -209,6 +209,12 @@ def _taken(transform: Transform) -> Transform:
 @lru_cache(maxsize=1024)
 def _names_taken(frames: tuple[tuple[str, str], ...]) -> tuple[tuple[str, str], ...]:
     return tuple((p.removeprefix("/"), c.removeprefix("/")) for p, c in frames)
+
+
+def kept_transforms(messages: Iterable[Message]) -> tuple[tuple[Transform, str], ...]:
+    """Return the transforms that hold throughout, with the nodes that send them."""
+    static = (message for message in messages if message.static)
+    return tuple((frame, message.node) for message in static for frame in message.transforms)
 
 
 class Pose(Struct, frozen=True):

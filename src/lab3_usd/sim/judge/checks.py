@@ -8,8 +8,9 @@ from typing import Literal, TypeVar
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Check, Verdict
+from lab3_usd.sim.execution.drive import Leg
 from lab3_usd.sim.judge.causes import DRIVEN
-from lab3_usd.sim.judge.expectations import CheckFunction, RunFault, Trial
+from lab3_usd.sim.judge.expectations import CheckFunction, Expected, Look, RunFault, Trial
 from lab3_usd.sim.judge.localization import on_map
 from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
 from lab3_usd.sim.judge.sensors import camera, mounted, scan
@@ -39,6 +40,47 @@ CHECKS: dict[str, CheckFunction] = {
     "camera": camera,
     "again": again,
 }
+
+
+def _has_fired(trial: Trial) -> bool:
+    dead = trial.causes.of_graphs() if trial.causes is not None else ()
+    return bool(trial.recording.fired) or any(dead)
+
+
+def _came(topics: Callable[[Expected], Sequence[str]]) -> Callable[[Trial], bool]:
+    """Return what says whether topics are asked for, and something came on each of them."""
+
+    def has_come(trial: Trial) -> bool:
+        return all(name and trial.recording.topic(name) for name in topics(trial.wanted))
+
+    return has_come
+
+
+def _legs(trial: Trial) -> Sequence[Leg]:
+    """Return the legs of the first session of a robot that is commanded."""
+    return trial.drive[0].legs if trial.wanted.commands else ()
+
+
+# Whether a checkpoint and the drive ask for what a check looks at, and something came.
+ASKED: dict[str, Callable[[Trial], bool]] = {
+    "graphs": _has_fired,
+    "topics": lambda trial: bool(trial.wanted.types),
+    "rest": lambda trial: bool(trial.wanted.commands),
+    "follows": lambda trial: any(leg.command and any(leg.command[::2]) for leg in _legs(trial)),
+    "limits": lambda trial: (
+        any(trial.wanted.limits) and any(leg.name in {"fast", "spin"} for leg in _legs(trial))
+    ),
+    "odometry": _came(lambda wanted: [wanted.odometry]),
+    "clock": _came(lambda wanted: [wanted.clock]),
+    "stamps": _came(lambda wanted: [wanted.clock if wanted.types else ""]),
+    "tree": _came(lambda wanted: [wanted.transforms]),
+    "moving frames": _came(lambda wanted: [wanted.odometry, wanted.transforms]),
+    "mounted": _came(lambda wanted: [wanted.transforms, wanted.scan or wanted.image]),
+    "scan": _came(lambda wanted: [wanted.scan]),
+    "map": lambda trial: trial.fit is not None or bool(trial.map_fault),
+    "camera": _came(lambda wanted: [wanted.image, wanted.info]),
+    "again": lambda trial: bool(trial.wanted.commands) and len(trial.drive) > 1,
+}
 OF_JOINTS = ("joints", "links", "joint states")  # those of joints that have commands of their own
 # What a robot that never moves does not show.
 MOVED = ("rest", "limits", "odometry", "moving frames", "mounted", "again")
@@ -47,7 +89,7 @@ ESSENTIAL = ("topics", "follows", "joints")  # without which nothing is right
 
 
 # What a stage or a recording shows as a whole, whichever robot is driven.
-_OF_ALL = (
+OF_ALL = (
     *("graphs", "topics", "clock", "stamps", "messages", "QoS", "rates", "headers"),
     *("localization", "goal"),
 )
@@ -65,14 +107,11 @@ def judge(
     return tuple(verdict(name, list(check(trial)), trial) for name, check in checks.items())
 
 
-def checks_of(trial: Trial) -> Mapping[str, CheckFunction]:
-    """Return the checks by which a robot is judged, by name."""
-    return {**CHECKS, **trial.own_checks} if trial.own_checks else CHECKS
-
-
 def asked_checks(trial: Trial) -> dict[str, CheckFunction]:
-    """Return those of them that are asked for, and for which something came."""
-    return {name: check for name, check in checks_of(trial).items() if is_asked(name, trial)}
+    """Return the checks that are asked for, and for which something came."""
+    own = trial.own_checks
+    looks = ((name, own.get(name) or Look(check, ASKED[name])) for name, check in CHECKS.items())
+    return {name: look.faults for name, look in looks if look.is_asked(trial)}
 
 
 def of_all(trials: Iterable[Trial]) -> tuple[str, ...]:
@@ -81,38 +120,7 @@ def of_all(trials: Iterable[Trial]) -> tuple[str, ...]:
     Those whose transforms have topics of their own have a tree each.
     """
     has_trees = len({trial.wanted.transforms for trial in trials}) > 1
-    return _OF_ALL if has_trees else (*_OF_ALL, *_OF_TREES)
-
-
-def is_asked(name: str, trial: Trial) -> bool:
-    """Whether a checkpoint and the drive ask for what a check looks at, and something came."""
-    wanted = trial.wanted
-    topics = {
-        "clock": (wanted.clock,),
-        "stamps": (wanted.clock if wanted.types else "",),
-        "odometry": (wanted.odometry,),
-        "tree": (wanted.transforms,),
-        "moving frames": (wanted.odometry, wanted.transforms),
-        "mounted": (wanted.transforms, wanted.scan or wanted.image),
-        "scan": (wanted.scan,),
-        "camera": (wanted.image, wanted.info),
-    }
-    if name == "map":
-        return trial.fit is not None or bool(trial.map_fault)
-    if name in topics:
-        return all(topic and trial.recording.topic(topic) for topic in topics[name])
-    if name == "graphs":
-        dead = trial.causes.of_graphs() if trial.causes is not None else ()
-        return bool(trial.recording.fired) or any(dead)
-    if name == "topics":
-        return bool(wanted.types)
-    legs = trial.drive[0].legs
-    driven = {
-        "follows": any(leg.command and any(leg.command[::2]) for leg in legs),
-        "limits": any(leg.name in {"fast", "spin"} for leg in legs) and any(wanted.limits),
-        "again": len(trial.drive) > 1,
-    }
-    return bool(wanted.commands) and driven.get(name, True)
+    return OF_ALL if has_trees else (*OF_ALL, *_OF_TREES)
 
 
 def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:

@@ -82,6 +82,8 @@ class Expected(Struct, frozen=True):
     goes_with_environment: bool = False  # whether another ROS_DOMAIN_ID may move all topics
     robot: str = ""  # the body that is watched; that of the robot with the most joints where empty
     place: str = ""  # the path of the lab's only robot, which is watched before others
+    trees: int = 0  # as many trees of any roots may be there; 0 where a lab names the roots
+    haste: float = 1.0  # times that a clock may run faster than the simulation, or slower
     has_ground: bool = False  # whether a stage without ground below its robots is given some
 
 
@@ -202,8 +204,8 @@ class Trial(Struct):
     located: tuple[Sequence[tuple[float, Affine]], ...] = ()
     fit: MapFit | None = None  # of its scans on the map
     scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as commanded
-    # The checks that a robot of its kind has in place of those of two driven wheels, by name.
-    own_checks: Mapping[str, CheckFunction] = {}
+    # The checks that stand in place of those of a lab and of two driven wheels, by name.
+    own_checks: Mapping[str, Look] = {}
 
     @property
     def room(self) -> tuple[Segment, ...]:
@@ -276,6 +278,13 @@ class Trial(Struct):
 
 
 CheckFunction = Callable[[Trial], Iterator[RunFault]]
+
+
+class Look(NamedTuple):
+    """A check, and whether it is asked for and something came for it."""
+
+    faults: CheckFunction
+    is_asked: Callable[[Trial], bool]
 
 
 def displacement(before: Pose, after: Pose) -> tuple[float, float, float]:

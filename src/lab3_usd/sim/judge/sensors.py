@@ -18,17 +18,21 @@ TURNS = 0.01  # part by which a lidar may turn faster or slower
 def mounted(trial: Trial) -> Iterator[RunFault]:
     """Lidar and camera move with the robot."""
     wanted = trial.wanted
-    for topic in (wanted.scan, wanted.image):
-        messages = trial.recording.topic(topic, 0)
-        places = []
-        for message in (messages[1], messages[-1]) if len(messages) > 1 else ():
-            base = Message("", 0.0, wanted.base, at=message.at, session=message.session)
-            sensor_place, base_place = in_root(trial, message), in_root(trial, base)
-            if sensor_place is not None and base_place is not None:
-                places.append(base_place.inverse().then(sensor_place))
-        if len(places) > 1 and not agree(*places):
+    for messages in (trial.recording.topic(topic, 0) for topic in (wanted.scan, wanted.image)):
+        if messages and not moves_with_base(trial, messages):
             text = f"{messages[0].frame} does not move with {wanted.base}"
             yield RunFault(text, "loose-sensor", messages[0].node)
+
+
+def moves_with_base(trial: Trial, messages: Sequence[Message]) -> bool:
+    """Whether the frame of a sensor stays where it is as seen from the base, by TF."""
+    places = []
+    for message in (messages[:2][-1], messages[-1]):
+        base = Message("", 0.0, trial.wanted.base, at=message.at, session=message.session)
+        sensor_place, base_place = in_root(trial, message), in_root(trial, base)
+        if sensor_place is not None and base_place is not None:
+            places.append(base_place.inverse().then(sensor_place))
+    return len(places) <= 1 or agree(*places)
 
 
 def rate_of(messages: Sequence[Message]) -> float:
@@ -37,14 +41,15 @@ def rate_of(messages: Sequence[Message]) -> float:
     return (len(messages) - 1) / passed if passed else 0.0
 
 
+def scans(trial: Trial) -> list[Message]:
+    """Return the scans of the first session, whatever else comes on their topic."""
+    sent = trial.recording.topic(trial.wanted.scan, 0)
+    return [message for message in sent if isinstance(message.data, Scan)]
+
+
 def scan(trial: Trial) -> Iterator[RunFault]:
     """Scans come at their rate, and show the walls where TF puts the lidar."""
-    wanted = trial.wanted
-    messages = [
-        message
-        for message in trial.recording.topic(wanted.scan, 0)
-        if isinstance(message.data, Scan)
-    ]
+    wanted, messages = trial.wanted, scans(trial)
     if not messages:
         return
     rate = rate_of(messages)
@@ -91,17 +96,7 @@ def camera(trial: Trial) -> Iterator[RunFault]:
 
 def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) -> Iterator[RunFault]:
     image, info = images[-1], infos[-1]
-    if image.frame != info.frame:
-        yield RunFault(
-            f"image in {image.frame}, info in {info.frame}", "image-info-frames-differ", info.node
-        )
-    sizes = [
-        (message.data.width, message.data.height)
-        for message in (image, info)
-        if isinstance(message.data, View)
-    ]
-    if len(set(sizes)) > 1:
-        yield RunFault("image and info differ in size", "image-info-sizes-differ", info.node)
+    yield from apart_from_images(info, [image])
     rates = rate_of(images), rate_of(infos)
     if min(rates) < 0.8 * least:
         yield RunFault(
@@ -110,6 +105,20 @@ def _pairs(images: Sequence[Message], infos: Sequence[Message], least: float) ->
     if abs(rates[0] - rates[1]) > 0.1 * max(rates):
         text = f"{rates[0]:.1f} images and {rates[1]:.1f} infos a second"
         yield RunFault(text, "image-info-rates-differ", info.node)
+
+
+def apart_from_images(info: Message, images: Sequence[Message]) -> Iterator[RunFault]:
+    """A camera info is in the frame of the images of its camera, and has the size of one."""
+    frames = [image for image in images if image.frame != info.frame]
+    if frames:
+        site = info if len(frames) == len(images) else frames[0]
+        text = f"{info.topic} is in {info.frame}, and {frames[0].topic} in {frames[0].frame}"
+        yield RunFault(text, "image-info-frames-differ", site.node)
+    views = [each.data for each in (info, *images) if isinstance(each.data, View)]
+    sizes = [(view.width, view.height) for view in views]
+    if len(sizes) > len(images) > 0 and sizes[0] not in sizes[1:]:
+        text = f"{info.topic} and {images[0].topic} differ in size"
+        yield RunFault(text, "image-info-sizes-differ", info.node)
 
 
 def _view(trial: Trial, image: Message) -> Iterator[RunFault]:
