@@ -38,7 +38,7 @@ FAULTS: Mapping[str, tuple[Change, str]] = {
     "the lidar's link not fixed": (remove(HOLDS), "scan and TF rest on the link"),
     "no lidar's link": (
         remove(SCAN),
-        "its joint now ties the robot to the world; lidar and frame are gone",
+        "its joint now connects the robot to the world; lidar and frame are gone",
     ),
     "another mass of base_link": (
         put(f"{ROBOT}/base_link", "physics:mass", 2.0),
@@ -58,7 +58,7 @@ FAULTS: Mapping[str, tuple[Change, str]] = {
     ),
     "no caster": (
         remove(f"{ROBOT}/caster_back_link"),
-        "its joint now ties the robot to the world; its frame is gone",
+        "its joint now connects the robot to the world; its frame is gone",
     ),
     "the robot 1 m aside": (
         put(ROBOT, "xformOp:translate", Gf.Vec3d(1.8, 1, 0)),

@@ -18,9 +18,9 @@ _PLAIN = r"[\w@%+=:,./\\-]+"  # what no shell of Windows takes for anything else
 def install_command(extra: str) -> str:
     """Return the command that adds the packages of an extra where this program runs.
 
-    pipx leaves `pipx_metadata.json` in the environment that it makes for a program, `uv tool` its
-    receipt: what else is put into that one, the next upgrade takes away. The environments of uv
-    have no pip.
+    pipx leaves `pipx_metadata.json` in the environment of a program, `uv tool` a receipt. The next
+    upgrade of `uv tool` removes packages that the receipt does not name. Environments of uv have no
+    pip.
     """
     receipt = Path(sys.prefix) / "uv-receipt.toml"
     if receipt.is_file():

@@ -1,4 +1,4 @@
-"""What rules of one's own are written with, and how they are tested.
+"""What custom rules are written with, and how they are tested.
 
 from lab3_usd.own_rules import Problem, Subject, own_rule
 

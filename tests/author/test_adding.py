@@ -332,7 +332,7 @@ def test_an_imu_outside_a_body_is_written_only_by_force(tmp_path: Path) -> None:
     stage = new_stage(path)
     stage.DefinePrim("/World/Imu", "IsaacImuSensor")
     stage.Save()
-    assert "stands in no rigid body" in refusal(path, "imu")
+    assert "is not below a rigid body" in refusal(path, "imu")
     assert written(path, "imu", force=True).GetPrimAtPath("/World/Graphs/IMU")
 
 
@@ -370,7 +370,7 @@ def test_the_frame_of_a_sensor_comes_along_when_asked_for(tmp_path: Path) -> Non
 
 
 def test_an_option_of_another_kind_is_refused(tmp_path: Path) -> None:
-    assert "--radius does not go with clock" in refusal(bot(tmp_path), "clock", radius=0.1)
+    assert "--radius does not apply to clock" in refusal(bot(tmp_path), "clock", radius=0.1)
 
 
 def test_a_kind_that_is_none_is_refused_with_those_there_are(tmp_path: Path) -> None:

@@ -826,7 +826,7 @@ def test_a_joint_that_is_switched_off_is_named_where_a_link_is_loose(joint: str)
     UsdPhysics.Joint(prim).CreateJointEnabledAttr(defaultValue=False)
     (found,) = [finding for finding in findings_of(stage, "02") if finding.rule == "S12"]
     assert found.related == (str(prim.GetPath()),)
-    assert "switched off" in found.message
+    assert "disabled" in found.message
     assert "Joint Enabled" in (found.hint or "")
 
 

@@ -354,7 +354,7 @@ def without_way(stage: Usd.Stage) -> None:
         (without_spring, "no-position-drive", "it has a drive without stiffness"),
         (without_drive, "no-position-drive", "it has no drive"),
         (without_force, "no-position-drive", "it has a drive without force"),
-        (with_a_linear_drive, "no-position-drive", "it has a drive of kind linear"),
+        (with_a_linear_drive, "no-position-drive", "it has a drive:linear"),
         (without_way, "limited-joint", "it has limits that leave it no way: 0 to 0"),
     ],
 )
@@ -510,7 +510,7 @@ def test_an_arm_whose_states_come_as_commands_hears_itself(tmp_path: Path) -> No
     states.CreateAttribute("inputs:topicName", Sdf.ValueTypeNames.String).Set("joint_command")
     check = by_name(played(stage, tmp_path))["topics"]
     assert (check.verdict, check.prim) == ("bad", "/ActionGraph/joint_states")
-    assert "on which /ActionGraph/command takes them for commands" in check.message
+    assert "on which /ActionGraph/command reads them as commands" in check.message
 
 
 def test_legs_are_no_wheels() -> None:

@@ -243,7 +243,7 @@ MISTAKES: dict[str, tuple[Mistake, str, tuple[str, ...]]] = {
             .Set(value=False)
         ),
         "S26",
-        ("joint1", "switched off"),
+        ("joint1", "disabled"),
     ),
     "a node that is missing": (
         lambda stage: stage.RemovePrim("/World/Commands/listen"),

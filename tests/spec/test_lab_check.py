@@ -379,7 +379,7 @@ WARNINGS: dict[str, Case] = {
         ),
         (
             "warning scene.yaml: sensors: lidar: omni:sensor:Core:farRange: "
-            "'omni:sensor:Core:farRange' is no attribute of a sensor, "
+            "'omni:sensor:Core:farRange' is not an attribute of a sensor, "
             "'omni:sensor:Core:farRangeM' is"
         ),
     ),

@@ -314,7 +314,7 @@ def _refuse_taken(path: str, alike: Likeness | None) -> None:
         differences = "; ".join(alike.differences)
         raise UsageError(f"{path} is there with other values: {differences}; --replace renews it")
     raise UsageError(
-        f"--graph {path} is taken: a graph stands there; choose another path, or extend it with "
+        f"--graph {path} is taken: a graph is there; choose another path, or extend it with "
         f"--into {path}"
     )
 

@@ -251,7 +251,7 @@ class Stage:
             if not any(graph.path == path for graph in model.graphs):
                 refuse_place(path, model)
                 if model.prims.get(path) is not None:
-                    raise UsageError(f"{path} is taken: a prim stands there")
+                    raise UsageError(f"{path} is taken: a prim is there")
             self._graphs[path] = GraphOf(self._editing, path)
         return self._graphs[path]
 

@@ -42,7 +42,7 @@ def new_path(
                 else (prim.type if prim else "")
             )
             raise UsageError(
-                f"--graph {asked} is taken: {'a ' + kind if kind else 'a prim'} stands there; "
+                f"--graph {asked} is taken: {'a ' + kind if kind else 'a prim'} is there; "
                 "choose another path" + (", or --into to extend it" if kind == "graph" else "")
             )
         return asked

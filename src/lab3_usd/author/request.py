@@ -102,7 +102,7 @@ def checked(request: Request, recipes: Mapping[str, Recipe]) -> Recipe:
         if name not in taken:
             known = ", ".join(sorted(map(option_name, taken)))
             raise UsageError(
-                f"{option_name(name)} does not go with {recipe.kind}: it takes {known}"
+                f"{option_name(name)} does not apply to {recipe.kind}, which has {known}"
             )
     if request.options.graph and request.options.into:
         raise UsageError("--graph makes a new graph, and --into extends one: give one of the two")

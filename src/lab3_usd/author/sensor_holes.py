@@ -27,7 +27,7 @@ def sensor(task: Task) -> Iterator[Hole]:
         )
     if _lacks_body(task, sensor) and not task.force:
         raise UsageError(
-            f"{prim.path} stands in no rigid body, so that it measures nothing; move it below a "
+            f"{prim.path} is not below a rigid body, so it measures nothing; move it below a "
             "link of the robot, or --force"
         )
     is_scan = "laser_scan" in (task.options.publish or task.recipe.publishes)

@@ -219,7 +219,7 @@ def rollers(task: Task) -> Iterator[Hole]:
         )
     outside = [j.prim.path for j in marked if not is_at_or_below(j.prim.path, robot.path)]
     if outside:
-        raise UsageError(f"{outside[0]} stands outside {robot.path}, where Isaac Sim looks for it")
+        raise UsageError(f"{outside[0]} is outside {robot.path}, where Isaac Sim looks for it")
     refuse_stuck(task, marked, "velocity")
     names = tuple(joint.name for joint in marked)
     yield Hole("wheel_joints", names, "wheels", ", ".join(names), f"joints with {mark}")

@@ -15,10 +15,10 @@ from lab3_usd.model.finding import Problem
 
 
 def with_demand(problem: Problem, subject: Any) -> Problem:
-    """Return a problem with what a spec asks for at its site; as it is where it asks for nothing.
+    """Return a problem with the demand of the spec at its site; unchanged if there is none.
 
-    The repair that the spec knows comes before that of the rule, which had to guess. `subject` is
-    what the rule was given: a graph beside its spec, a stage with all of them, or its transforms.
+    The spec's repair has precedence over the rule's, which is a guess. `subject` is that of the
+    rule: a graph with its spec, a stage with all specs, or its transforms.
     """
     if isinstance(subject, TfView):
         return _with_tree(problem, subject)

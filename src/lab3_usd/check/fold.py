@@ -18,10 +18,10 @@ _MOST = 3  # problems of one cause that are listed one by one
 
 
 def fold(findings: Iterable[Finding]) -> list[Finding]:
-    """Return the findings of which no other one is the reason, in their order.
+    """Return the findings that no other finding explains, in their order.
 
-    A finding goes where another one that is as grave stands at a place that it assumes to be right,
-    whether that one stays or goes for a third. Of findings that rest on each other the first stays.
+    A finding is dropped if a site that it assumes to be right has a finding of at least the same
+    severity, even if that one is dropped too. Of findings that assume each other, the first stays.
     """
     findings = list(findings)
     at: dict[str, list[int]] = {}
@@ -55,7 +55,7 @@ def _places(finding: Finding) -> Iterator[Place]:
 def _reasons(
     number: int, findings: list[Finding], at: Mapping[str, list[int]], paths: list[str]
 ) -> Iterator[int]:
-    """Yield the findings as grave as one that stand at a place which it assumes to be right.
+    """Yield the findings, at least as severe as this one, at sites that it assumes to be right.
 
     `paths` are the prims of `at`, sorted.
     """

@@ -295,7 +295,7 @@ def frame_sources(view: TfView) -> tuple[FrameSource, ...]:
 def _homes(node: Node, target: Target, view: TfView) -> dict[str, str]:
     """Return the prims whose frames a target must give, by frame.
 
-    The root of the robot stands for its links, those that the lab names and those that are there.
+    The robot root represents its links: those that the lab names and those in the stage.
     """
     lab, homes = view.subject.lab, list[str]()
     links = {robot.path: robot.link_paths for robot in lab.scene.robots}

@@ -150,7 +150,7 @@ def _in_words(lab: Lab | None, manual: str, called: str) -> str:
 
 
 def _chosen(lab: Lab | None, choice: re.Match[str]) -> str:
-    """Return what of a choice is for a lab; where there is none, what is for labs with the part."""
+    """Return the text of a choice for this lab; without a lab, the one for labs with the part."""
     has_part = lab is None or PARTS[choice[1]](lab)
     for_it, _, for_others = choice[2].partition(_ELSE)
     return for_it if has_part else for_others

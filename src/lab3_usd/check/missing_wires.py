@@ -24,8 +24,8 @@ _SUBSCRIBER = "subscriber"
 def execution_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...]:
     """Return the wire that triggers a node that nothing triggers.
 
-    It comes from the one node that computes what this one takes and signals when it has, or from
-    the one event of the graph where no other node of it signals anything to this one's makers.
+    It comes from the only node that computes an input of this node and signals afterwards. Without
+    one it comes from the only event of the graph that surely fires at every update.
     """
     inputs = () if node.type is None else node.type.execution_inputs
     makers = {maker.path: maker for maker in _makers(node, subject)}
@@ -113,8 +113,8 @@ def context_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...
 def likely_wire(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ...]:
     """Return the wire that an input of a node most likely had.
 
-    It is the one that this input of the other nodes of the graph has, where all of them have the
-    same one, or for a time the one from the one node of the graph that reads simulation time.
+    If the same input of all other nodes of the graph has the same source, it is that one. A time
+    input gets the only node of the graph that reads simulation time.
     """
     beside = [other for other in _beside(node, subject.stage) if other.path != node.path]
     outputs = {

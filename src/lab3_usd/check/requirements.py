@@ -254,7 +254,7 @@ def unmet_by(findings: Iterable[Finding]) -> set[str]:
 
 
 def _actual_path(path: str, robots: Collection[str], relocations: Mapping[str, str]) -> str:
-    """Return where a prim of the lab stands; a link that stands elsewhere is where it is missed."""
+    """Return the path of a prim of the lab; for a link that was moved, the path it should have."""
     for expected, actual in relocations.items():
         if path == expected and expected not in robots:
             return path
@@ -304,8 +304,8 @@ def with_costs(
 ) -> Iterator[Finding]:
     """Yield the findings with the requirements of graphs that they fail, and the parts they cost.
 
-    A finding fails what is asked of the property that it is about; one that names a missing node,
-    all that is asked of the node; one of a graph that is missing, all that is asked of the graph.
+    A finding about a property fails the requirements of that property; one about a missing node,
+    all requirements of the node; one about a missing graph, all requirements of the graph.
     """
     subjects = tuple(subjects)
     sites: dict[tuple[str, str | None], list[str]] = {}
@@ -335,7 +335,7 @@ def with_costs(
 
 
 def _parts_at(finding: Finding, subjects: Iterable[GraphSubject], lab: Lab) -> tuple[str, ...]:
-    """Return the graph or sensor in which a finding or what it relates to stands, else Scene."""
+    """Return the graph or sensor that holds the prim of a finding, or a related one; else Scene."""
     places = {
         subject.spec.name: subject.spec.path
         if subject.roles.graph is None
@@ -385,9 +385,9 @@ def with_unknown(
     subject: StageSubject,
     lab: Lab,
 ) -> tuple[Requirement, ...]:
-    """Return the requirements; those that fail only for what is unknown are not judged.
+    """Return the requirements; those that fail only because of something unknown are not judged.
 
-    What the stage has below a prim that may be absent is judged as it stands there.
+    What the stage defines below a prim that may be absent is judged as it is written.
     """
     if not left_open:
         return requirements

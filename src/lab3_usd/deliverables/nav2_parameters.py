@@ -112,14 +112,14 @@ def _nodes(
         inside = isinstance(value, yaml.MappingNode)
         if key == _PARAMETERS or (inside and _ALIKE.fullmatch(key)):
             if key != _PARAMETERS:
-                yield Refusal(place, f"'{key}' is no '{_PARAMETERS}'", line - 1)
+                yield Refusal(place, f"'{key}' is not '{_PARAMETERS}'", line - 1)
             elif not (inside and names):
                 yield Refusal(place, f"'{key}' needs a node above and values below it", line)
             yield from _values(loader, value, ".".join(names), ())
         elif inside:
             yield from _nodes(loader, value, (*names, key.strip("/")))
         else:
-            yield Refusal(place, f"'{key}' stands outside '{_PARAMETERS}'", line)
+            yield Refusal(place, f"'{key}' is outside '{_PARAMETERS}'", line)
 
 
 def _values(loader: Any, node: Any, owner: str, names: tuple[str, ...]) -> Iterator[Parameter]:

@@ -190,9 +190,9 @@ def is_empty(root: str, stage: StageModel) -> bool:
 def joints_of(command: Command, stage: StageModel) -> dict[str, Prim]:
     """Return the joints of a robot that can move, by name.
 
-    Joints may stand anywhere: those count that tie a body of the robot's own subtree, or stand in
-    it. The subtree is that of the target and of the articulation root; of joints of other names
-    also that of the prim right above the root, where its links may stand beside it.
+    Joints may be anywhere in the stage: those count that are in the robot's subtree or connect a
+    body of it. The subtree is that of the target and of the articulation root; for joints of other
+    names also that of the prim directly above the root, since links may be siblings of the root.
     """
     return _joints_of(stage, command.robot, command.roots)
 
@@ -288,8 +288,8 @@ def has_joint(joints: Mapping[str, Prim], name: str) -> bool:
 def joints_commanded(command: Command, port: str, stage: StageModel) -> list[Prim]:
     """Return the joints that a command surely moves: those that are named, or all of the robot.
 
-    Without names each joint gets a command only where there are as many commands as joints, and
-    none of them stands still.
+    Without names, each joint gets a command only if there are as many commands as joints, and none
+    of the joints is fixed.
     """
     if command.names:
         known = joints_of(command, stage)
@@ -306,8 +306,8 @@ def joints_commanded(command: Command, port: str, stage: StageModel) -> list[Pri
 def named_joints(command: Command, stage: StageModel) -> list[str] | None:
     """Return the names of the joints that a command is about, None where they are unknown.
 
-    Numbers stand in the articulation's own order, which no file tells: they are known where they
-    are those of all its axes.
+    Joint numbers follow PhysX's own order, which no file contains. So the names are known only if
+    the numbers are those of all axes.
     """
     if command.names is not None:
         return list(command.names or joints_of(command, stage))
@@ -320,12 +320,11 @@ def named_joints(command: Command, stage: StageModel) -> list[str] | None:
 
 
 def reached_joints(command: Command, stage: StageModel, *, with_wheels: bool = False) -> list[Prim]:
-    """Return the joints of a robot that messages can name, as far as they are to be commanded.
+    """Return the joints of a robot that messages can name and that are to be commanded.
 
     Left out are joints that another controller names, that follow another joint, that roll freely
-    (as casters do, and as wheels do if these are not asked for), and what has no drive in a closed
-    chain. One with a drive that the
-    articulation lacks is there, unless it closes a chain.
+    (casters; wheels unless `with_wheels`), and joints without a drive in a closed chain. A joint
+    with a drive outside the articulation is included, unless it closes a chain.
     """
     links = {
         path

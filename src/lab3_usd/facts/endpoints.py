@@ -262,7 +262,7 @@ def _silence(node: Node, port: str, stage: StageModel) -> str:
     live, states = live_nodes(stage), run_states(stage)
     stuck = obstacle(node, stage)
     if not is_switched_on(node, live):
-        return "it is switched off"
+        return "it is disabled"
     if is_refused(node, live):
         return f"it has no {KIND.removeprefix(INPUT)} {effective_value(node, KIND, live)}"
     if stuck is not None and stuck.sure:

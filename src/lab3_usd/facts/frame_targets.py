@@ -299,7 +299,7 @@ def _frames_of(target: str, node: Node, stage: StageModel) -> Links:
 
 
 def links_given_by(target: str, node: Node, stage: StageModel) -> tuple[str, ...]:
-    """Return the prims for which a target prim of a node stands; itself where it is a frame."""
+    """Return the prims that a target prim of a node represents; itself if it is a frame."""
     links = _expansion(target, node, stage) if stage.prim(target) is not None else None
     return (target,) if links is None else tuple(links)
 

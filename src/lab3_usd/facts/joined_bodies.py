@@ -15,11 +15,11 @@ _WORLD = ""  # what stands still, which ends of joints name by ''
 
 
 class JoinedBodies(Struct, frozen=True, eq=False):
-    """The bodies of a stage by what ties them.
+    """The bodies of a stage, grouped by their joints.
 
-    `robots` maps each body to the first one of all that joints tie to it, `rigid` to the first one
-    of those that move with it: '' where that is the world. `sizes` are how many bodies robots have,
-    `holds` the robot of the bodies below each prim, '' where there are several.
+    `robots` maps each body to the first body of its robot (all that joints connect), `rigid` to the
+    first one of those that move rigidly with it: '' for the world. `sizes` are the numbers of
+    bodies of the robots, `holds` the robot of the bodies below each prim, '' for several.
     """
 
     robots: dict[str, str]

@@ -44,10 +44,10 @@ def _has_other_word(written: str, near: str) -> bool:
 
 
 def likely_type(written: str, known: Collection[str]) -> str | None:
-    """Return the node type that was likely meant: of the same last name, or of one alike.
+    """Return the node type that was probably meant: one with the same or a similar last name.
 
-    One of the same last name of an extension that is not known is a type of its own, and so is one
-    that differs in a number.
+    A type of an unknown extension with a known last name is a type of its own, as is a name that
+    differs only in a number.
     """
     *before, last = written.split(".")
     last = last.removeprefix("Ogn")

@@ -241,11 +241,11 @@ def _robot(root: str, start: str, own: Sequence[str], stage: StageModel) -> Robo
 
 
 def _base(root: str, links: Sequence[str], ties: Mapping[str, list[_Tie]]) -> str:
-    """Return the link on which all others hang.
+    """Return the link to which all others are connected.
 
-    That is the root where it is a body, unless a joint turns it as a single wheel, else what is
-    tied to the world, else the only link that holds others and hangs on none, else what most joints
-    tie: a wheel may have more rollers than the base has wheels.
+    The candidates in order: the root if it is a body, unless a joint turns it like a single wheel;
+    the link that is connected to the world; the only link that carries others and is carried by
+    none; the link with the most joints, since a wheel may have more rollers than the base wheels.
     """
     own = ties.get(root, [])
     is_wheel = len(own) == 1 and own[0].joint.type != FIXED and len(links) > len(own) + 1

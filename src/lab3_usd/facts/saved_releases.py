@@ -25,10 +25,9 @@ class Sign(Struct, frozen=True, eq=False):
 
 
 class Saved(Struct, frozen=True, eq=False):
-    """The release that most signs fit, the last one of several, and all signs.
+    """The release that most signs fit, the latest of several, and all signs.
 
-    The `strange` ones are of other releases than the one by which the stage is judged, which it
-    does not make good when it opens the stage.
+    `strange` are signs of other releases that the release which opens the stage does not convert.
     """
 
     release: str

@@ -146,10 +146,9 @@ def is_nothing(value: Value | Unknown) -> bool:
 class Stop(Struct, frozen=True, eq=False):
     """A node at which signals end: why it gets none, and the nodes that wait for it.
 
-    `reason` is one of unwired (`port` is not connected), broken (only what does not exist),
-    once (its only signal comes a single time), off (what signals it is switched off), shut (it
-    waits behind a gate that lets nothing through), counts (behind a gate that counts to more than
-    the one signal that comes).
+    `reason` is one of unwired (`port` is not connected), broken (its sources do not exist), once
+    (its only signal comes a single time), off (the node before it is disabled), shut (it is behind
+    a closed gate), counts (it is behind a gate that needs more signals than the one it gets).
     """
 
     node: Node

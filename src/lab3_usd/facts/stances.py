@@ -134,8 +134,8 @@ def _upright(box: Collider) -> Collider:
 def _may_tip(stage: StageModel, own: Sequence[tuple[Collider, str]], bodies: Sequence[str]) -> bool:
     """Whether the centre of mass of a robot may be beside the middles of what is near the ground.
 
-    A body without a mass has that of its shapes, which boxes do not tell: its own centre is to be
-    among them as well, unless it stands there itself.
+    The mass centre of a body without an authored mass comes from its shapes, and boxes do not
+    determine it. So its own centre must be among those middles, too, unless it is near the ground.
     """
     shapes: dict[str, list[Collider]] = {}
     for box, body in own:

@@ -182,7 +182,7 @@ def _without_prim(stage: StageModel) -> Iterator[Stuck]:
         if lacking:
             yield Stuck(node, f"{port} names no prim")
         elif switched_off_target(node, stage):
-            yield Stuck(node, f"{port} is {node.targets(port)[0]}, which is switched off")
+            yield Stuck(node, f"{port} is {node.targets(port)[0]}, which is disabled")
         elif node.targets(port) and not _has_other(node, asked, stage.platform, live):
             yield from _without_target(node, port, stage)
             unread = refused_target(node, stage)

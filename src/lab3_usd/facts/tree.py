@@ -78,10 +78,10 @@ class _Part(Struct, Generic[_Edge], eq=False):
 
 
 class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
-    """The transforms that one listener of tf2 hears, in the order in which they are known.
+    """The transforms that one tf2 listener receives, in the order in which they are known.
 
-    tf2 rejects a transform of a frame below itself, keeps the latest of several parents, and looks
-    nothing up in a cycle.
+    tf2 rejects a frame that is its own parent, keeps the latest of several parents, and finds no
+    transform in a cycle.
     """
 
     edges: tuple[_Edge, ...]

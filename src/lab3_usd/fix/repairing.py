@@ -352,8 +352,8 @@ def make_edits(session: EditSession, repairs: Iterable[Repair]) -> None:
 def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]) -> Chosen:
     """Repair as many of these findings as cause no new ones.
 
-    All are tried at once. Where that brings something new to find, leaves one of them as it was,
-    or cannot be written, each half is tried by itself, and so on down to a single repair.
+    All are tried at once. If that causes a new finding, leaves one of them, or cannot be written,
+    each half is tried by itself, down to single repairs.
     """
     kept: frozenset[Site] = frozenset()
     best, left_out = attempt(kept), {}

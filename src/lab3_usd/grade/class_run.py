@@ -44,13 +44,12 @@ from lab3_usd.stage.read.server_assets import assets_at
 class ClassSettings(Struct, frozen=True):
     """What to grade, with what, and where to write.
 
-    `runner` has the tasks judged; `notify` receives a line for each part of a class that is left
-    out. To `resume` without a rubric is to go on by the one that the gradebook keeps, which is the
-    lab's where it keeps none. `assets` are folders in which assets of servers lie, by their
-    addresses. With `merge_uploads`, what the last upload of a student lacks comes from the ones
-    before. With `force`, the lock of a run that was killed is taken. `by_hand` are tables of what
-    the grader decides; without them those count that the gradebook has. With `maps`, the supplied
-    map or its folder, those handed in are compared.
+    `runner` grades the tasks; `notify` receives a line for each part of a class that is left out.
+    `resume` without a rubric uses the gradebook's, else the lab's. `assets` maps addresses of
+    servers to folders. With `merge_uploads`, earlier uploads of a student complete the last one.
+    `force` removes the lock of a run that was killed. `by_hand` are the grader's tables of manual
+    decisions, by default those of the gradebook. `maps` is the supplied map, or its folder, with
+    which submitted maps are compared.
     """
 
     submissions: Path | str

@@ -71,10 +71,10 @@ def faults_in_dry_run(
 ) -> dict[str, str]:
     """Return what a dry run shows to be wrong, by topic, check and kind of fault.
 
-    `each` is what is expected of each robot by name: of several, a check or kind is also there by
-    the robot's name, as `r2: follows`. What an asset that is missing could bring is not in there.
-    What a node would do that is not simulated, as a script, is not looked for: it is not what the
-    lab asks for. A stage that one of the `later` plays holds by value is not played again.
+    `each` holds the expectations by robot; with several robots, a check or kind is also listed with
+    the robot's name, as `r2: follows`. Faults that a missing asset could explain are left out. The
+    effects of nodes that are not simulated, such as scripts, are ignored: no lab requires them. A
+    stage that equals one of the `later` plays is not played again.
     """
     try:
         scene = scene_of(path, lab.platform)

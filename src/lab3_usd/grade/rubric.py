@@ -102,13 +102,13 @@ class Late(Struct, frozen=True, forbid_unknown_fields=True):
 class Rubric(Struct, frozen=True, dict=True):
     """Everything that a rubric file says, and what follows from it for one lab.
 
-    `blemish` is the share of an item that each node, prim or error with a fault takes beside the
-    shares of its requirements, `again` the share that the earlier items decide, by what the item
-    `rests` on, judged again in its stage. `digest` tells two rubrics apart.
+    `blemish` is the share of an item that each faulty node, prim or error costs, in addition to the
+    shares of unmet requirements. `again` is the share that depends on what the item `rests` on,
+    judged again in the item's stage. `digest` identifies the rubric.
 
-    Of the lab: `required` is what each checkpoint asks for, none of it met; `asked` what each item
-    asks that no earlier one does; `earlier` the items that come before one; `added` the ids of what
-    each checkpoint asks that the ones before do not; where it adds nothing, of the last that did.
+    Of the lab: `required` holds the requirements of each checkpoint, all unmet; `asked` those of
+    each item that no earlier item has; `earlier` the items before each item; `added` the ids of the
+    requirements that each checkpoint adds, or, if it adds none, those of the last one that did.
     `files` are the names of its stages.
     """
 

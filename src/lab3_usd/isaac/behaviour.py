@@ -13,14 +13,13 @@ from lab3_usd.isaac.releases import is_release_within
 
 
 class Need(Struct, frozen=True, forbid_unknown_fields=True):
-    """Inputs of which a node needs one that is wired or set, for else it computes from zeros.
+    """Inputs of which at least one must be connected or set; else the node computes from zeros.
 
-    With `when` it needs it only where that input is wired or set, or switched on, with
-    `when_wired` where it is wired, and with `unless` where it is not switched on. With
-    `zero_counts`, zeros that somebody wrote are as good as other values; with `changing`, a value
-    that stays the same is as good as none, and with `positive` a number of 0 or below. `effect`
-    says what happens without, `source` names the file of Isaac Sim that shows it. `until` is the
-    last release in which it does, '' where all do.
+    This applies only if the input `when` is connected, set or true, `when_wired` is connected, and
+    `unless` is not true. An authored zero suffices with `zero_counts`. A constant value does not
+    suffice with `changing`, nor a number of 0 or below with `positive`. `effect` describes what
+    happens otherwise, `source` is the file of Isaac Sim that shows it. `until` is the last release
+    in which this is so, '' for all.
     """
 
     inputs: tuple[str, ...]
@@ -70,10 +69,9 @@ class SensorOf(Struct, frozen=True, forbid_unknown_fields=True):
 class BodyOf(Struct, frozen=True, forbid_unknown_fields=True):
     """The body that a node follows: the prim of the input `prim`, with one of these schemas.
 
-    A prim without them that carries the schema `robot` stands for the first link that it lists in
-    the relationship `links`: a prim with the schema `link`, or that of a robot that it lists. It
-    does so from the release `robot_since` on. `gives` are the outputs that change as the body
-    moves.
+    From the release `robot_since` on, a prim with the schema `robot` and none of these represents
+    the first link in its relationship `links`: a prim with the schema `link`, or the first link of
+    a robot that is listed. `gives` are the outputs that change when the body moves.
     """
 
     prim: str
@@ -168,12 +166,12 @@ class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Building(Struct, frozen=True, forbid_unknown_fields=True):
-    """What scripts rely on that build graphs.
+    """What scripts that build graphs rely on.
 
-    `module` has the controller. `evaluator` is that of a graph for which none is named, `compound`
-    the type of a node that is described by a dictionary, `target` the relationship of targets for
-    which none is named. `stages` and `modes` are how files write what scripts name so. After the
-    release `old_names_until`, type names from before are none.
+    `module` contains the controller. Defaults are `evaluator` for a graph, `target` for the
+    relationship of targets, and `compound` for the type of a node that is given as a dictionary.
+    `stages` and `modes` map names in scripts to values in files. After the release
+    `old_names_until`, old type names are unknown to scripts.
     """
 
     module: str

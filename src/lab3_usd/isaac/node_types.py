@@ -23,9 +23,9 @@ class Port(Struct, frozen=True):
     """One port of a node type.
 
     `name` is the name in a file (`inputs:topicName`); `ogn_type` OGN's own type word; `usd_type`
-    how a file declares it (`rel` for a relationship). `default` is what a port without a value
-    means, None where there is none, and `former` what it means in a file of a lower version of the
-    node type, None where that is the same. `accepts` lists the types of a union port, or groups of
+    how a file declares it (`rel` for a relationship). `default` is the value of a port that
+    is not set, None if it has none; `former` is that value in files of an older version of the node
+    type, None if it is the same. `accepts` lists the types of a union port, or groups of
     them. One that is `literal_only` is to be set, not wired.
     """
 

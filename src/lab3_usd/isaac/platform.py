@@ -60,16 +60,15 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     differs. `names` are those of other releases; `lookalikes` are no names of any, and which types
     they likely mean, `deprecated` those that Kit may still have, and their successors.
 
-    `events` maps each type that starts an execution by itself to the pipeline stage of the graphs
-    in which it does, '' where a stage does not tell whether it will, and `by_hand` are those that
-    need somebody at the screen; `deltas` name their outputs that give the length of a step. `once`
-    are the types with outputs that signal a single time after Play, `gates` those that pass no
-    signal on while the input named there is 0, `passing` those that pass each on. Below
-    `world_frame` hangs what has no parent prim. `writers` change the scene or the run; what begins
-    with one of `appearance` is a property that only changes what one sees, with one of `surfaces`
-    one that moves what lies on a body. `placed` are types of
-    prims whose place matters beside those of bodies, `attributes` those that are read beside the
-    usual ones. `recipes` are graphs that can be added to a stage, by kind.
+    `events` maps each type that starts execution by itself to the pipeline stage of the graphs in
+    which it fires, '' if the stage file does not decide that. `by_hand` are the events that need a
+    user at the screen, `deltas` the outputs with the length of a step. `once` are the types with
+    outputs that signal a single time after Play, `gates` those that block signals while the named
+    input is 0, `passing` those that pass every signal. Prims without a parent are below
+    `world_frame`. `writers` change the scene or the run. Properties that begin with a prefix of
+    `appearance` change only the look, with one of `surfaces` they move what lies on a body.
+    `placed` are the types of prims, apart from bodies, whose pose matters; `attributes` are read in
+    addition to the usual ones. `recipes` are graphs that can be added to a stage, by kind.
     """
 
     release: str

@@ -86,11 +86,11 @@ class Since(Struct, frozen=True, forbid_unknown_fields=True):
 class Meaning(Struct, frozen=True, forbid_unknown_fields=True):
     """Something that means another thing from the release `since` on.
 
-    It is about nodes of `types`: those with a `value` (a star for any that is written), with a
-    target or a wire at a `port` other than those of `but`, or which read a sensor with `attributes`
-    otherwise than its schema has them. Or it is about prims with a `schema` and without `lacks`, or
-    about assets that are not found and have `asset` in their path. It is said of `least` places or
-    more: `up` on the way to that release, `down` on the way back.
+    It concerns nodes of `types` that have a `value` (a star: any authored one), a target or wire at
+    a `port` except those in `but`, or a sensor whose `attributes` differ from its schema's. Or it
+    concerns prims with a `schema` and without `lacks`, or missing assets with `asset` in their
+    path. It is reported from `least` places on: with the text `up` for a stage that moves to that
+    release, `down` for one that moves back.
     """
 
     id: str

@@ -288,9 +288,9 @@ class Difference(Struct, frozen=True):
 class Change(Struct, frozen=True):
     """A prim of the starter that was changed.
 
-    `absent` says why the prim is not in the stage, empty where it is: then `count` prims went
-    with it, and `physics` tells whether any of them collides, moves or joins. `related` are the
-    prims that its relationships name, `body` the rigid body it belongs to, '' for none.
+    `absent` is the reason why the prim is not in the stage, '' if it is there. `count` is the
+    number of absent prims, and `physics` is true if any of them is a collider, body or joint.
+    `related` are the targets of its relationships, `body` its rigid body, '' for none.
     """
 
     prim: str

@@ -42,16 +42,16 @@ class Problem(Struct, frozen=True):
     `severity` is None where the rule's own severity holds. `handout` names the section of the
     handout that asks for it (`C9`, `8.11`). `fix` are the edits that repair it, which is `likely`
     where they are only the likely ones; `unmet` are the ids of
-    the requirements that it fails; where the prim is `absent`, so does all that is asked of it and
-    of what lies below it. One that fails none takes points from the parts that it `costs` (a graph,
-    a sensor, Scene, TF); where none is named, from the part in which it stands. `unopened` is what
+    the requirements that it fails; if the prim is `absent`, also all requirements of it and of
+    what is below it. A problem that fails none costs points of the parts in `costs` (a graph, a
+    sensor, Scene, TF); if none is named, of the part that holds its site. `unopened` is what
     could not be opened: the stage itself, a file of it or beside it, an asset at the prim.
-    `rests_on` is the missing asset that could say otherwise: what rests on one is not judged.
+    `rests_on` is the missing asset that could refute the problem, which is then not judged.
 
-    `assumes` are the sites that the problem rests on being right: where another one as grave stands
-    at one of them, that is reported instead (`check.fold`). A problem stands at its own site and at
-    those that it `covers`, of which it speaks as well: with a starter, a change there is not
-    reported, and undoing it is the repair. `if_supplied` is the hint of
+    `assumes` are the sites that must be right for this problem to count: if one of them has a
+    problem of at least the same severity, only that one is reported (`check.fold`). `covers` are
+    further sites that the problem is about: with a starter, a change there is not reported, and
+    undoing it is the repair. `if_supplied` is the hint of
     the warning that stays where the starter has the problem itself. `identity` says which problem
     of its rule it is where its site does not: one of the whole stage is shown at some node of it.
     `span` is the part of the script that it is about, where its site does not tell. `comes_first`

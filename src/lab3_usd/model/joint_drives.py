@@ -94,7 +94,7 @@ def hindrance(
 def left_out(values: Mapping[str, Any]) -> Iterator[JointFault]:
     """Yield why a joint does not work, and why it is in no articulation."""
     if values.get(JOINT_ENABLED) is False:
-        yield JointFault("is switched off", JOINT_ENABLED, "True", "False")
+        yield JointFault("is disabled", JOINT_ENABLED, "True", "False")
     if values.get(EXCLUDED) is True:
         yield JointFault("is excluded from the articulation", EXCLUDED, "False", "True")
 
@@ -107,10 +107,10 @@ def of_drive(
     if not drive.api:
         other = next((api for api in sorted(apis) if api.startswith(f"{DRIVE}:")), None)
         if other is None:
-            return JointFault("has no drive", None, f"a drive of kind {kind}")
+            return JointFault("has no drive", None, f"drive:{kind}")
         found = other.partition(":")[2]
-        text = f"has a drive of kind {found}, but the joint needs one of kind {kind}"
-        return JointFault(text, None, f"a drive of kind {kind}", found)
+        text = f"has a drive:{found} in place of drive:{kind}"
+        return JointFault(text, None, f"drive:{kind}", found)
     force, stiffness, damping = drive.force, drive.stiffness or 0.0, drive.damping or 0.0
     if force is not None and force <= 0.0:
         name = f"{drive.start}maxForce"

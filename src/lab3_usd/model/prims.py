@@ -34,10 +34,9 @@ class Prim(Struct, eq=False):
 
     `type` is the type name as saved, known to usd-core or not; `apis` every applied schema.
     `attributes` holds the values that rules ask about, `relationships` their targets, and what an
-    attribute that a lab describes is connected to. `local`
-    and `world` are transforms in stage units, None where the prim has no place. One that is
-    `placeless` is no Xformable: it stands where its parent does, and is no body. `assets` are what
-    it refers to, as layers name it.
+    attribute that a lab describes is connected to. `local` and `world` are transforms in stage
+    units, None if the prim has no pose. A `placeless` prim is not Xformable: it has the pose of its
+    parent, and is not a body. `assets` are the files that it refers to, as layers name them.
 
     `read` reads the fields that `unread` left out: it is called with the prim and the name of the
     first of them that is asked for, and sets at least that one.

@@ -79,4 +79,4 @@ def unmatched(direction: Direction, kind: str, qos: Qos) -> str:
         asked = "manual liveliness, which is offered automatic"
     elif there.lease_duration > 0:
         asked = f"a lease of {there.lease_duration:g} s, and none is offered"
-    return f"it hears nothing of {TELEOP}: it asks for {asked}" if asked else ""
+    return f"it receives nothing from {TELEOP}: it asks for {asked}" if asked else ""

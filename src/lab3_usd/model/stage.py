@@ -65,8 +65,8 @@ class Unknown(Struct, frozen=True, gc=False):
 class PortState(Struct, frozen=True, gc=False):
     """One port as the composed stage holds it.
 
-    `value` is the authored value, None where the port was left alone, `Unknown` where it has one
-    that nobody can tell; `usd_type` the declared type of a port with a value (`rel` for a
+    `value` is the authored value, None if there is none, `Unknown` if there is one that cannot be
+    determined; `usd_type` the declared type of a port with a value (`rel` for a
     relationship). `sources` are the full property paths of its connections, `targets` the prim
     paths of a relationship.
     """
@@ -85,14 +85,14 @@ def nowhere(_: str) -> None:
 class Node(Struct, frozen=True, gc=False):
     """A node prim that is active and defined.
 
-    `type_name` is the name of its type in the release by which the stage is judged ('' where
-    absent), `type` its entry of the platform or None. So are the names of ports. `written_type` is
-    `node:type` as the file has it, where that is another name, and `written_ports` are the names
-    that the file has, or would have, for ports that another release calls otherwise.
+    `type_name` is the name of its type in the release that the stage is checked for ('' if absent),
+    `type` its entry of the platform or None. Names of ports are those of that release, too. If the
+    file uses names of another release, `written_type` is its `node:type`, and `written_ports` are
+    its names of ports.
     `namespaces` are the namespace attributes of the prim and its ancestors, outermost first,
-    `own_namespace` is that of the prim alone. `is_local` tells whether the stage's own layers
-    define the node, rather than an asset. `place` reads where the graph editor shows the node with
-    a path, which only pictures and descriptions ask.
+    `own_namespace` is that of the prim alone. `is_local`: the stage's own layers, not
+    an asset, define the node. `place` reads the position in the graph editor of the node with a
+    path; only pictures and descriptions need it.
     """
 
     path: str

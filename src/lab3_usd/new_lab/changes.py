@@ -122,7 +122,7 @@ def with_changes(
 def _otherwise(
     final: _Values, data: Mapping[str, Any], node: Node, left_out: list[str], id_: str
 ) -> _Values:
-    """Return what a node has otherwise in an earlier stage; what no lab can hold leaves `final`."""
+    """Return the earlier values of a node; take out of `final` what a lab cannot describe."""
     other: _Values = {}
     for key in _KEYS:
         before = data.get(key, {})
@@ -229,7 +229,7 @@ def _steady_robot(
     key: str,
     lines: list[str],
 ) -> dict[str, Any]:
-    """Return a robot with what it has in all stages; where it stands is where it first stood."""
+    """Return a robot with what it has in all stages, at its pose in the first of them."""
     data = dict(robot)
     absent = [id_ for id_, other in others.items() if not other]
     lines += [f"{SCENE}: {key}: is not in checkpoint {id_}" for id_ in absent]

@@ -123,8 +123,8 @@ class Wheel(Struct, frozen=True):
 def solution(wheels: Sequence[Wheel]) -> list[tuple[float, float, float]]:
     """Return for each wheel what a unit of rolling adds to the base's motion (x, y, turn).
 
-    Each wheel rolls as its drive says, if it has one, and none slides along its axle; what is
-    unknown stays as small as it can be, what contradicts is evened out.
+    Driven wheels roll at the speed of their drives, and no wheel slides along its axle. Unknown
+    components are minimal, contradictions are averaged (least squares).
     """
     lines = []
     for index, wheel in enumerate(wheels):
@@ -377,7 +377,7 @@ class Machine(Struct):
             body = joint.bodies[0] if joint.bodies[1] == body else joint.bodies[1]
 
     def _steered(self, wheel: Wheel) -> Wheel:
-        """Return a wheel as it stands with what it hangs on turned as it is."""
+        """Return a wheel in the present posture of the link that carries it."""
         start = Affine(self.start.rows)
         moved = self.posture().offset(wheel.carrier).then(self.rest[wheel.carrier].inverse())
         moved = start.then(moved).then(start.inverse())

@@ -40,8 +40,8 @@ class Block(Struct, frozen=True):
 def block_of(prim: ScenePrim, box: Box, surface: Surface | None = None) -> Block | None:
     """Return a shape as PhysX has it inside a box; `surface` is that of one that does not move.
 
-    None for a plane. A mesh that is not as full as the hull around it is its triangles, as one that
-    does not move; of these those that lie level are ground.
+    None for a plane. A static mesh, and one that does not fill its hull, consists of its
+    triangles; level triangles of a static mesh are ground.
     """
     is_full = prim.type != "Mesh" or prim.values.get("physics:approximation") in _HULLS
     if is_full and not (prim.type == "Mesh" and surface is not None and surface.side):

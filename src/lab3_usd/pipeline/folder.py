@@ -45,11 +45,11 @@ class FolderSettings(Struct, frozen=True):
     """What a folder is judged with: the supplied starter, and the maps of `FolderContents`.
 
     With `require_evidence`, saved output that is missing is an error instead of a note. With
-    `heeds_ignores`, what notes in a stage ignore on purpose is left out. With `native`, OpenUSD's
+    `heeds_ignores`, suppressed findings are left out. With `native`, OpenUSD's
     own validators judge the stages as well. `may_open` receives each recording and map image before
     it is opened, and says why it is not to be. `digests` are those of files by path, as far as they
-    are known. With `handed_in`, what is missing is missed; without, a folder is taken for one that
-    is worked on until it holds what concludes the lab.
+    are known. With `handed_in`, missing files are faults; without, a folder counts as work in
+    progress until it holds the last deliverables of the lab.
     """
 
     starter: Path | Starter | None = None
@@ -184,9 +184,9 @@ _MOST_UNJUDGED = 50
 
 
 def _unjudged(contents: FolderContents) -> Iterator[UnjudgedStage]:
-    """Yield the stage files of no checkpoint that no stage is composed of.
+    """Yield the stage files without a checkpoint that no stage refers to.
 
-    Beside the starter stand assets: of that folder only those that hold parts of the lab.
+    The folder of the starter holds assets: only those with parts of the lab are yielded.
     """
     from lab3_usd.stage.graph_signature import files_read
 

@@ -25,9 +25,9 @@ class SceneGraphs(Struct, frozen=True, eq=False):
 class BuiltPort:
     """A port of a node: its value or targets, the sources of its wires, and where each was given.
 
-    `is_made` where the script creates the attribute, `is_quiet` where a value was given in a way
-    that reports nothing, `is_late` where it was given after the edit. `cut` are sources whose wires
-    are taken away, '' for all.
+    `is_made`: the script creates the attribute; `is_quiet`: its value was set by a call that
+    reports no wrong name; `is_late`: it was set after the edit. `cut` are the sources whose wires
+    are removed, '' for all.
     """
 
     __slots__ = (

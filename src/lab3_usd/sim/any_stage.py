@@ -262,7 +262,7 @@ def apart(trial: Trial) -> Iterator[RunFault]:
         lost = next((edge for edge in edges if edge[0] in {child for _, child in own}), None)
         if base and lost and not own.keys() & edges:
             text = f"{lost[0]} -> {lost[1]} is on {topic}, and {base[0]} -> {base[1]} on "
-            text += f"{trial.wanted.transforms}: no listener hears both"
+            text += f"{trial.wanted.transforms}: no listener receives both"
             yield RunFault(text, "disconnected-frame", edges[lost])
 
 

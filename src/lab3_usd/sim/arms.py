@@ -1,7 +1,7 @@
 """Drives the joints of a robot by joint states, and judges how they follow.
 
-Every joint that the commands reach is sent to a place of its own inside its limits, and back, or at
-a speed of its own, as its drive and its controller ask.
+Every commanded joint is sent to its own target within its limits and back, or gets its own speed,
+depending on its drive and its controller.
 """
 
 from __future__ import annotations
@@ -330,9 +330,9 @@ def _stands_still(joint: Joint) -> bool:
 
 
 def _off_target(name: str, held: Sequence[Held]) -> str:
-    """Say where a joint is when it is not where it was commanded to, '' where it is there.
+    """Return a text with the position of a joint that missed its target, '' if it reached it.
 
-    Of commanded velocities say how fast it is. What comes of an effort is not known.
+    For commanded velocities the text has the speed. The effect of an effort is unknown.
     """
     places = [each.commanded[name] for each in held]
     way = max(places) - min(places) or max(map(abs, places))
@@ -468,6 +468,6 @@ def joint_states(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFa
                 actual is not None
                 and min(abs(published - actual), abs(published - actual * unit)) > OFF[1]
             ):
-                text = f"joint states have {name} at {published:.3f}, it stands at {actual:.3f}"
+                text = f"joint states have {name} at {published:.3f}, it is at {actual:.3f}"
                 yield RunFault(text, "wrong-joint-state", node)
                 return

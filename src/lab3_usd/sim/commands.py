@@ -77,7 +77,7 @@ def hears_itself(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
         node = sent.get((endpoint.domain, endpoint.topic))
         if node is not None:
             text = f"{node} publishes joint states on {endpoint.topic}, on which {robot.subscriber}"
-            yield RunFault(f"{text} takes them for commands", "extra-publisher", node)
+            yield RunFault(f"{text} reads them as commands", "extra-publisher", node)
 
 
 def of_another(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:

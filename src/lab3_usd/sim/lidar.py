@@ -123,7 +123,7 @@ class Surroundings(Struct):
         return self.cuts[height]
 
     def seen(self, sensor: str, machines: Machines) -> Callable[[], tuple[Segment, ...]]:
-        """Return what gives all that is around a sensor as it stands now, whenever it is called."""
+        """Return a function that yields all that is around a sensor at the time of the call."""
         spot, postures = machines.spot(sensor), machines.postures()
         posture = spot.posture()
         carried = self.carried(sensor, machines)

@@ -36,13 +36,12 @@ HASTE = 10.0  # times that the clock of any stage may run faster than the simula
 
 
 class Robot(Struct, frozen=True):
-    """A robot that commands over ROS are to move.
+    """A robot that ROS messages command.
 
-    `body` is the link by which it is watched, `start` where that is when playing starts, and
-    `centre` the point between its driven wheels in the frame of that link, about which it turns.
-    `odometry` and `scan` are the nodes that publish them, '' where none does. `moved` are the
-    joints that its controllers name, none where the messages do; `reach` those that joint commands
-    reach.
+    `body` is the link whose motion is measured, `start` its pose at Play, and `centre` the point
+    between the driven wheels, in the frame of that link, about which the robot turns. `odometry`
+    and `scan` are the nodes that publish them, '' without one. `moved` are the joints that the
+    controllers name, empty if the messages name them; `reach` those that joint commands reach.
     """
 
     machine: Machine | None  # None where its controller finds no articulation

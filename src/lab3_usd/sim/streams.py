@@ -42,7 +42,7 @@ def untold(trial: Trial) -> Iterator[RunFault]:
             told[message.node, message.topic] = why
     for (node, topic), why in told.items():
         if why:
-            yield RunFault(f"nobody hears {topic}: {why}", "unmatched-peer", node)
+            yield RunFault(f"nobody receives {topic}: {why}", "unmatched-peer", node)
 
 
 def publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:

@@ -119,9 +119,9 @@ class SourceLocation(Struct, frozen=True):
 def locate(stage: Usd.Stage, given: str, sites: Iterable[Site]) -> dict[Site, SourceLocation]:
     """Return the place of each site: a prim path, and the name of a property or None.
 
-    It is where the strongest opinion begins. A property that no layer holds is at its prim, a
-    prim that no layer holds at the nearest prim above it; what has nothing above it is in the
-    root layer, which `given` names, at no line. Every layer is read once at most.
+    It is the start of the strongest opinion. A property without an opinion has the place of its
+    prim, a prim without one that of its nearest ancestor. Without any, the place is the root layer,
+    which `given` names, without a line. Every layer is read at most once.
     """
     root = stage.GetRootLayer()
     specs = {site: _spec(stage, *site) for site in sites}

@@ -188,9 +188,9 @@ def _wrong(work: _Work, wire: Wire) -> Iterator[WireFault]:
 
 
 def _passed_by(work: _Work, wire: Wire, actual: str) -> str | None:
-    """Return the input of the node before that lacks its source, which goes past the node.
+    """Return the unconnected input of the earlier node that this wire bypasses.
 
-    It is '' where that has its source all the same, None where nothing goes past a node.
+    '' if that input is connected after all, None if the wire bypasses no node.
     """
     for earlier in work.spec.wires_into(wire.source.role):
         if _has_both_ends(work, earlier) and actual in _accepted(work, earlier):

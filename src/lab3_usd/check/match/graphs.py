@@ -20,9 +20,9 @@ LEAST_SHARE = 0.5  # of a spec's nodes that a graph must hold to be recognised b
 def find_graphs(specs: Mapping[str, GraphSpec], stage: StageModel) -> dict[str, GraphModel | None]:
     """Return the graph of the stage for each graph of the spec, None where there is none.
 
-    A live graph at the right path is taken as it is, unless it is empty and another one fits, or
-    holds nothing of this spec and what another one asks for. Other specs are given the remaining
-    graph whose node types fit best, as long as it holds half of what the spec asks for.
+    A live graph at the right path matches, unless it is empty and another one fits, or holds only
+    nodes of another spec. Each other spec gets the remaining graph whose node types fit best, if
+    that has at least half of the spec's nodes.
     """
     by_path = {graph.path: graph for graph in stage.graphs if graph.active}
     filled = {graph.path: graph for graph in by_path.values() if graph.nodes}
@@ -84,8 +84,8 @@ class _Host(Struct, frozen=True):
 def match_all(specs: Specs, stage: StageModel, scripts: Scripts = NO_SCRIPTS) -> dict[str, Roles]:
     """Find and match every graph of the lab.
 
-    One that is nowhere by itself may be part of another: its roles are played by nodes that the
-    other one does not ask for, and by nodes that both ask for alike (tick, context, time).
+    A graph that is missing may be part of another one. Then its roles are played by nodes that the
+    other spec does not have, and by nodes that both have in common (tick, context, time).
     """
     graphs = find_graphs(specs, stage)
     matched = {name: match(spec, graphs[name], scripts) for name, spec in specs.items()}
@@ -132,9 +132,9 @@ def _is_typed(role: str, spec: GraphSpec, roles: Roles) -> bool:
 
 
 def _inside(spec: GraphSpec, host: _Host, specs: Specs) -> Pairs | None:
-    """Return who plays the roles of `spec` in a graph that holds others, None where it does not.
+    """Return the nodes that play the roles of `spec` inside the graph of others, None without any.
 
-    A node that others ask for as well counts where it is wired to one that only `spec` asks for.
+    A node that other specs have too counts if it is wired to a node that only `spec` has.
     """
     users: dict[str, list[NodeSpec]] = {}  # the roles that each node plays
     for name, held in host.held.items():

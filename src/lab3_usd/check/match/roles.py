@@ -204,7 +204,7 @@ def _stand_ins(
 ) -> dict[str, str]:
     """Map each unmatched node that does the same as a matched one to that one's role.
 
-    What is connected to a stand-in counts as wired from the node that it stands in for.
+    A wire from a stand-in counts as a wire from the matched node.
     """
     role_of: dict[str, str] = {}
     before = -1

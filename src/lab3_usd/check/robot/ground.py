@@ -58,7 +58,7 @@ def gravity_faults(subject: RobotSubject) -> Iterator[Problem]:
         if body.present and is_at_or_below(body.path, robot)
     ]
     if links and all(link.attributes.get(WEIGHTLESS) is True for link in links):
-        message = "gravity is switched off for all links of the robot"
+        message = "gravity is disabled for all links of the robot"
         site, switches = links[0].path, tuple(f"{link.path}.{WEIGHTLESS}" for link in links[1:])
         yield Problem(site, message, WEIGHTLESS, "False", "True", related=switches)
     # A body that names no scene belongs to the first (UsdPhysics).

@@ -31,13 +31,12 @@ def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
 
 
 def _relocations_of(robot: RobotSpec, stage: StageModel, taken: Collection[str]) -> dict[str, str]:
-    """Map the path of a robot, and of a link that has none, to where it stands instead.
+    """Map the expected path of a robot or link that is not there to its actual path.
 
-    The robot is the prim that holds the most of its links, at least half of them, or that has its
-    name while the asset with its links cannot be found. A link is the only prim of its name below
-    the robot, or where no other is missing the only body beside the robot's links that is none of
-    them. Paths of links are those below the robot where it stands. What stands at a path of `taken`
-    is another robot.
+    The robot is the prim with the most of its links, at least half of them; or the prim of its
+    name, if the asset with the links cannot be found. A link is the only prim of its name below the
+    robot. If only one link is missing, it is the only other body among the robot's links. Paths of
+    links are below the actual path of the robot. Prims at paths in `taken` are other robots.
     """
     expected = robot.path
     root = expected

@@ -150,9 +150,9 @@ def _strangeness(prim: Prim, path: str, lab: Lab) -> tuple[bool, bool, bool, str
 def candidate_transforms(stage: StageModel, place: SensorLocation) -> list[Matrix]:
     """Return the transforms a sensor may be judged by.
 
-    One that hangs below another parent may stand right as seen from there or from the parent
-    that it should have: Isaac Sim keeps the world transform when a prim is dragged. There is none
-    where a missing asset may say how the sensor stands.
+    A sensor below another parent may be right relative to that one or to the expected one, since
+    Isaac Sim keeps the world transform when a prim is dragged. There are none if a missing asset
+    may define the pose.
     """
     prim = place.prim
     if prim is None or stage.unknown_pose(prim):

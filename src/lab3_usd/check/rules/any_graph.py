@@ -276,7 +276,7 @@ def stray_node(subject: LintSubject | StageSubject) -> Iterator[Problem]:
     for graph in subject.graphs() if isinstance(subject, LintSubject) else ():
         for prim in graph.absent if graph.active else ():
             if prim.reason not in (DEACTIVATED, OVER) and prim.type_name:
-                yield Problem(prim.path, f"is not a node but {prim.reason}, and never executes")
+                yield Problem(prim.path, f"is {prim.reason}: it never executes")
 
 
 @rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")

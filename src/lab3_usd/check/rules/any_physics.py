@@ -101,7 +101,7 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
         owners = tuple(next(iter(end.relationships.get(_OWNER, ())), "") for end in ends if end)
         if len(owners) == len(BODIES) and len({*owners}) > 1:
             first, second = (
-                f"{path} of {owner or 'no scene by name'}"
+                f"{path} ({f'owner {owner}' if owner else 'no simulation owner'})"
                 for path, owner in zip(bodies(joint), owners, strict=True)
             )
             yield Problem(
@@ -175,10 +175,10 @@ def robot_of_no_scene(subject: StageSubject) -> Iterator[Problem]:
 def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
     """PhysX interprets a jointed body, its collider or a joint differently from the file.
 
-    Why: of two bodies at one end of a joint the first counts. A negative mass, density or inertia
-    counts as none, and so does a mass without PhysicsMassAPI: it is computed from the shapes, or is
-    1 kg. A round shape that is scaled unevenly gets the largest scale for its radius, so that it
-    is larger than it looks.
+    Why: of two bodies at one end of a joint PhysX uses the first. It ignores a negative mass,
+    density or inertia, and a mass without PhysicsMassAPI: the mass is then computed from the
+    shapes, or is 1 kg. For the radius of a round shape it uses the largest scale, so an unevenly
+    scaled one is larger than it looks.
 
     Fix: name one body, write the mass in kilograms, and give a shape its size by radius and height
     instead of a scale.
@@ -208,7 +208,7 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
         if scale:
             yield Problem(
                 shape.path,
-                f"is scaled {scale}, and PhysX takes the largest for its radius",
+                f"is scaled {scale}: PhysX uses the largest as the factor of its radius",
                 expected="an even scale",
                 actual=scale,
                 assumes=tuple((above, "xformOp:*") for above in upwards(shape.parent)),

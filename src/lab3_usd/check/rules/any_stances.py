@@ -46,7 +46,7 @@ def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
     """Something below its driven wheels carries the robot, or nothing does, and it tips over.
 
     Why: wheels have no suspension. A chassis or castors 0.3 mm below the wheels carry the robot,
-    and the wheels turn in the air. A centre of mass beside all that touches the ground tips it.
+    and the wheels turn in the air. A centre of mass outside the area between the contacts tips it.
 
     Fix: raise the shape named here, so that nothing reaches below the wheels, or lower the wheels.
     One castor lower than the wheels tips the robot a little, and it drives. Of a robot that tips
@@ -77,7 +77,7 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
     """Something below its wheels carries the robot, or nothing does, and it tips over.
 
     Why: wheels have no suspension. A chassis or castors 0.3 mm below the wheels carry the robot,
-    and the wheels turn in the air. A centre of mass beside all that touches the ground tips it.
+    and the wheels turn in the air. A centre of mass outside the area between the contacts tips it.
 
     Fix: set the shape named here, its link, and masses, to the values in the supplied file.
 
@@ -107,7 +107,7 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
 def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
     """Yield what carries a robot in place of its wheels, or that nothing does.
 
-    Of one that stands on what a joint left that is switched off, the joint is the fault.
+    If the robot rests on a part whose joint is disabled, the joint is the fault.
     """
     tied = joints_at(machine.rest, stage) if machine.falls else ()
     is_tied = any(is_switched_off(joint, JOINT_ENABLED) for joint in tied)
@@ -137,7 +137,7 @@ def ground_without_hold(subject: LintSubject) -> Iterator[Problem]:
 
     Why: the robot falls through. A mesh that does not move collides by its triangles, and a plane
     has a front: both have one side, by the order of the points and `orientation`, whatever
-    `doubleSided` says. A shape of another physics scene is not there for the robot.
+    `doubleSided` says. The robot does not collide with shapes of another physics scene.
 
     Fix: reverse the order of the points of the faces, or set `orientation` to the other hand; turn
     a plane so that it faces up; remove the target of Simulation Owner.

@@ -384,7 +384,7 @@ def incompatible_types(subject: GraphsSubject) -> Iterator[Problem]:
         source, target = wire.ports
         yield Problem(
             wire.node.path,
-            f"{wire.port} takes {target.ogn_type}, and {source_shown(fault)} gives "
+            f"{wire.port} expects {target.ogn_type}, but {source_shown(fault)} provides "
             f"{source.ogn_type}",
             property=wire.port,
             expected=target.ogn_type,

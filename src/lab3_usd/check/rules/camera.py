@@ -62,7 +62,7 @@ def misplaced_camera(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("C03", "camera-type", scope="stage")
 def camera_type(subject: StageSubject) -> Iterator[Problem]:
-    """The prim at the camera's path is no camera.
+    """The prim at the camera's path is not a camera.
 
     Why: a render product needs a camera. Nothing is published on the image topic.
 

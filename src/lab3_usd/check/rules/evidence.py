@@ -330,8 +330,8 @@ def recording_shows_fault(subject: EvidenceSubject) -> Iterator[Problem]:
 
     Why: a recording of `ros2 bag record` holds what the other commands print, and how the robot
     moved. A fault that an evidence rule would report is an error; a measured one (motion, stamps,
-    ranges) is a warning, since its tolerances are those of `lab3 bag`. Missing topics are no fault,
-    nor is a fault that another recording refutes.
+    ranges) is a warning, since its tolerances are those of `lab3 bag`. Missing topics are not
+    faults, nor are faults that another recording refutes.
 
     Fix: run `lab3 bag` on the recording, which shows all of it. Repair the graph that it names and
     record again.

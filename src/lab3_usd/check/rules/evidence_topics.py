@@ -132,8 +132,8 @@ def message_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     """A message has another frame, size or content, or no message arrived.
 
     Why: {navigation?}RViz and Nav2 look{else}a subscriber looks{/} up the frame in the TF tree. A
-    message in a frame that is not in the tree is dropped, as is one whose time stands at
-    0.{lidar?} A scan without a distance, or of a part of the circle, shows no walls.{/}
+    message in a frame that is not in the tree is dropped, as is one whose time stays 0.{lidar?} A
+    scan without a distance, or of a part of the circle, shows no walls.{/}
 
     Fix: set the frame id, the size or the time stamp of the publishing node, and echo one message
     again.

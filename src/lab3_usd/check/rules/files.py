@@ -146,8 +146,8 @@ def only_in_a_dry_run(fault: Check) -> Iterator[Problem]:
     Fix: run `lab3 sim` on the stage. It names the prim at fault, and its page draws what the robot
     does.
 
-    Example: {wheels?}the robot drifts to the side, as its wheels do not stand on one axle{else}a
-    joint stops before the place to which it is commanded{/}.
+    Example: {wheels?}the robot drifts to the side, as its wheels are not on one axle{else}a joint
+    stops before the place to which it is commanded{/}.
     """
     yield Problem(fault.prim or "/", f"in a dry run ({fault.name}): {fault.text}")
 

@@ -105,9 +105,9 @@ def _wrong_port(parent: str | None, ports: TfPorts, view: TfView) -> str | None:
 
 
 def _asked(placement: _Placement, view: TfView) -> tuple[str, str | None]:
-    """Return what is expected of the node, and the hint where it is one that the lab needs.
+    """Return the expectation about the node, and a hint if the lab needs it.
 
-    The publisher that the lab asks for must not be deleted: it places the robot in `odom`.
+    The publisher that the lab requires must not be deleted: it places the robot in `odom`.
     """
     if placement.node not in view.role_specs:
         return "no such publisher", None

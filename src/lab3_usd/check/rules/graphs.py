@@ -121,9 +121,9 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
         hint = f"rename the graph in the Stage panel, or drag it, to {spec.path}"
         standing = _in_the_way(subject)
         if standing is not None:
-            message += f", where {standing} stands"
+            message += f", where {standing} is"
             what = "move" if standing == _ANOTHER else "delete"
-            hint = f"{what} what stands at {spec.path} first, then {hint}"
+            hint = f"{what} the prim at {spec.path} first, then {hint}"
         yield Problem(
             prim=graph.path,
             message=message,

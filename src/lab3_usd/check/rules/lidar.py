@@ -74,7 +74,7 @@ def misplaced_lidar(subject: StageSubject) -> Iterator[Problem]:
 
 @rule("L03", "lidar-type", scope="stage")
 def lidar_type(subject: StageSubject) -> Iterator[Problem]:
-    """The prim at the lidar's path is no RTX lidar.
+    """The prim at the lidar's path is not an RTX lidar.
 
     Why: the lidar helper refuses every prim that is not an OmniLidar. No scan is published.
 
@@ -286,7 +286,7 @@ def _blind_ranges(lidar: PresentSensor, scan: ScanSpec, subject: StageSubject) -
 
 @rule("L10", "other-scan", scope="stage", severity="warning")
 def other_scan(subject: StageSubject) -> Iterator[Problem]:
-    """The lidar scans part of the circle, tilted, or otherwise.
+    """The lidar scans only part of the circle, tilted, or in another way.
 
     Why: {map?}the map and AMCL assume{else}who receives it expects{/} a full circle at the height
     of the lidar. Walls outside the scanned part are missing; what lies above or below appears as a

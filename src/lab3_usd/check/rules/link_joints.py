@@ -94,7 +94,7 @@ def articulation(subject: RobotSubject) -> Iterator[Problem]:
                 return
     if not roots:
         is_off = is_switched_off(base, ARTICULATION_ENABLED)
-        reason = "is switched off" if is_off and ARTICULATION_API in base.apis else "is missing"
+        reason = "is disabled" if is_off and ARTICULATION_API in base.apis else "is missing"
         yield Problem(
             target,
             f"the articulation root {reason}, expected on {target}",
@@ -184,7 +184,7 @@ def loose_link(subject: RobotSubject) -> Iterator[Problem]:
             message, hint = f"no joint connects {name} to {robot.base_frame}", None
             off = _switched_off(subject, path)
             if off:
-                message += f": {off[0]} is switched off"
+                message += f": {off[0]} is disabled"
                 hint = f"select {off[0]} and set Joint Enabled in the Property panel"
             yield Problem(
                 path,
@@ -213,7 +213,7 @@ def _not_bolted(subject: RobotSubject, base: str, handout: str) -> Problem:
     name = subject.robot.base_frame
     message, hint = f"no joint fixes {name} to the world: the robot falls over at Play", None
     if off:
-        message += f"; {off[0]} is switched off"
+        message += f"; {off[0]} is disabled"
         hint = f"select {off[0]} and set Joint Enabled in the Property panel"
     return Problem(
         base,
@@ -297,7 +297,7 @@ def _movable(subject: RobotSubject, link: str, handout: str) -> Iterator[Problem
 
 @rule("S21", "held-by-the-world", scope="robot", needs="wheels")
 def held_by_the_world(subject: RobotSubject) -> Iterator[Problem]:
-    """A joint ties the robot to the world.
+    """A joint connects the robot to the world.
 
     Why: the joint holds the robot in place: the wheels turn and odometry stays at zero. An empty
     body of a joint is the world. Other rules check the joints of the wheels.
@@ -317,7 +317,7 @@ def held_by_the_world(subject: RobotSubject) -> Iterator[Problem]:
         holder = ends[1 - side]
         yield Problem(
             joint.path,
-            f"{joint.name} ties {ends[side]} to {holder or 'the world'}",
+            f"{joint.name} connects {ends[side]} to {holder or 'the world'}",
             BODIES[1 - side],
             "a link of the robot, or no such joint",
             holder or "no prim",

@@ -77,8 +77,8 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
     """Two contexts name different ROS domains.
 
     Why: nodes in different domains do not see each other: odometry in one domain has no clock from
-    another. Domains that each have a clock and what it stamps are taken for meant, as those of two
-    robots.
+    another. Domains that each have a clock and messages with its time count as intended, as those
+    of two robots.
 
     Fix: give all ROS2 Context nodes the same Domain Id, and the same setting of Use Domain ID Env
     Var, or give each domain a clock of its own.
@@ -229,7 +229,7 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
     "stamps-restart",
     scope="lint",
     severity="note",
-    counted=("time that restarts", "times that restart"),
+    counted=("time stamp that restarts at Stop", "time stamps that restart at Stop"),
 )
 def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
     """Time restarts on Stop for some messages only.
@@ -268,7 +268,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
 
     Why: nodes that use simulation time wait forever for a `/clock`. Others compare the stamps,
     which begin near 0, with the time of the computer, and find no transform. A clock in a
-    deactivated graph is none (IsaacSim issue 419).
+    deactivated graph does not count (IsaacSim issue 419).
 
     Fix: add a ROS2 Publish Clock in the same domain, with its time from Isaac Read Simulation Time.
 

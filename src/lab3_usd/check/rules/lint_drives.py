@@ -40,7 +40,7 @@ _KINDS = {port: kind for kind, port in _PORTS.items()}
 
 @rule("K95", "one-command-for-all", scope="lint")
 def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
-    """Several joints get the same element of two wheels' commands.
+    """Several joints get the same element of the commands for two wheels.
 
     Why: the commands are that of the left wheel and that of the right one. With one of them for
     both wheels the robot drives straight on and never turns.
@@ -90,9 +90,9 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
     """The drive of a joint ignores its velocity commands.
 
     Why: a drive without damping exerts no force towards a velocity. A drive with stiffness pulls
-    the joint back to a position: the wheel trembles or stands still. A drive with a maximum force
-    of 0 has no effect. If the names of the joints come with the messages, so that this one may not
-    be commanded, it is a warning.
+    the joint back to a position: the wheel trembles or stops. A drive with a maximum force of 0 has
+    no effect. If the names of the joints come with the messages, so that this one may not be
+    commanded, it is a warning.
 
     Fix: in the drive of the joint, set stiffness to 0, and damping and maximum force above 0.
 

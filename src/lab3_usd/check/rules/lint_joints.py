@@ -33,8 +33,8 @@ def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
     """A controller names a joint that its robot does not have.
 
     Why: the controller logs an error for each frame, and moves none of its joints. A joint between
-    bodies that are not there, or of something else, is none of the robot's. An articulation ends at
-    a joint that is excluded from it, a fixed one too: what lies behind has no axes.
+    missing bodies, or of something else, does not belong to the robot. An articulation ends at a
+    joint that is excluded from it, a fixed one too: what lies behind has no axes.
 
     Fix: use the name of the joint's prim in the Stage panel; for a joint with several axes, append
     the number of the axis, as in `hip:0`. Let Body 0 and Body 1 of the joint be links of the robot.
@@ -157,8 +157,9 @@ def _unknown_joint(
 def command_count(subject: LintSubject) -> Iterator[Problem]:
     """A controller receives more or fewer commands than joints.
 
-    Why: the controller requires one command for each joint that is named or given by number, or for
-    each of the robot where none is. Otherwise it logs an error at every update, and moves nothing.
+    Why: the controller requires one command for each joint that is named or given by number, or one
+    for each joint of the robot if none is. Otherwise it logs an error at every update, and moves
+    nothing.
 
     Fix: name as many joints as there are commands, in the same order, or correct the commands.
 

@@ -55,7 +55,7 @@ def _wheel_commands(subject: LintSubject) -> tuple[tuple[Command, tuple[Prim, ..
 
 @rule("K81", "robot-tied-to-world", scope="lint", severity="warning")
 def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
-    """A fixed joint ties a driven robot to the world.
+    """A fixed joint connects a driven robot to the world.
 
     Why: the wheels turn and the robot stays where it is. Importers create such a joint for a fixed
     base.
@@ -115,10 +115,10 @@ def _body(path: str, stage: StageModel) -> Prim | None:
 def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
     """Something stops a commanded wheel or its robot.
 
-    Why: a disabled joint moves nothing, and one with limits stops there. A wheel or chassis that is
-    kinematic, disabled or no rigid body does not move, nor does what fixed joints tie to it, nor a
-    joint whose maximum velocity is 0. A wheel without a collision shape, and without rollers that
-    have one, turns in the air.
+    Why: a disabled joint moves nothing, and one with limits stops there. A wheel or chassis does
+    not move if it is kinematic, disabled or not a rigid body, or if a fixed joint holds it to such
+    a body. Neither does a joint whose maximum velocity is 0. A wheel without a collision shape, and
+    without rollers that have one, turns in the air.
 
     Fix: enable the joint and the bodies, switch Kinematic off, delete limits and fixed joints of
     the wheel, and enable its collision.
@@ -195,7 +195,7 @@ def _fixed_to(bodies_of_base: frozenset[str], stage: StageModel) -> set[str]:
 def _stops(body: Prim) -> Iterator[tuple[str, str]]:
     """Yield the switches of a body that keep it where it is: property, message."""
     if is_switched_off(body, BODY_ENABLED):
-        yield BODY_ENABLED, "is switched off as a rigid body"
+        yield BODY_ENABLED, "rigid body is disabled"
     if body.attributes.get(KINEMATIC) is True:
         yield KINEMATIC, "is kinematic"
 
@@ -205,7 +205,7 @@ def _obstacles(
 ) -> Iterator[tuple[str, str | None, str]]:
     """Yield the reasons that keep a wheel from turning: prim, property, message."""
     if is_switched_off(joint, JOINT_ENABLED):
-        yield joint.path, JOINT_ENABLED, "is switched off"
+        yield joint.path, JOINT_ENABLED, "is disabled"
     if joint.attributes.get(_FASTEST) == 0:
         yield joint.path, _FASTEST, f"has {_FASTEST} 0"
     low, high = joint_limits(joint.attributes)
@@ -254,8 +254,8 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
 
     Why: a wheel rotates: odometry shows a robot that rolls over and over, with a speed in all
     directions. A foot or an arm moves against the base, and so does the base in its odometry. With
-    the pose of a prim that stands 2 cm and more from the link that is named, the robot is shifted,
-    and turns about another point.
+    the pose of a prim 2 cm or more from the named link, the robot is shifted, and turns about
+    another point.
 
     Fix: set Chassis Prim to the base link of the robot.
 
@@ -283,9 +283,7 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
         body = "" if pose.followed.body is None else pose.followed.body.path
         if body not in told and robots.owner(pose.prim) == robots.owner(body):
             told.add(body)
-            why = (
-                f"which stands {pose.away:.2g} m from it" if pose.away else "which moves against it"
-            )
+            why = f"which is {pose.away:.2g} m from it" if pose.away else "which moves against it"
             prims = (subject.stage.prim(pose.prim), pose.followed.body)
             asset = subject.stage.unknown_pose(*filter(None, prims)) if pose.away else None
             yield misnamed(pose, why, asset or pose.followed.unknown)

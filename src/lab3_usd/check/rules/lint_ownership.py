@@ -25,8 +25,8 @@ def another_robot(subject: LintSubject) -> Iterator[Problem]:
     """A node publishes a part of another robot.
 
     Why: odometry, transforms or scans of one robot show how another one moves. Isaac Sim reports
-    nothing. A robot is what joints tie together; its topics are those in the namespace of its
-    commands, its frames those of its prims.
+    nothing. A robot is what joints connect; its topics are those in the namespace of its commands,
+    its frames those of its prims.
 
     Fix: choose the prim of the right robot again. In a copy of a graph, every target is still that
     of the first robot.
@@ -151,8 +151,9 @@ def shared_tf_topic(subject: LintSubject) -> Iterator[Problem]:
     """A namespace above several robots joins their transforms.
 
     Why: of several `isaac:namespace` above a TF publisher only the outermost counts, where all of
-    them count for other topics. The robots' topics are apart, and their transforms are not: no
-    listener in the namespace of one robot hears its TF, and frames of one name mix.
+    them count for other topics. The robots' topics are separate, but their transforms are not: a
+    listener in the namespace of one robot receives no TF, and equal frame names of several robots
+    collide.
 
     Fix: set Node Namespace on each TF publisher, or remove the namespace from the common prim.
 

@@ -22,7 +22,7 @@ _HELPER, _SUBSCRIBER = "helper", "subscriber"
 
 @rule("K91", "gated-sensor", scope="lint", severity="warning")
 def gated_sensor(subject: LintSubject) -> Iterator[Problem]:
-    """A gate stands before the helper of a sensor.
+    """A gate precedes the helper of a sensor.
 
     Why: the first signal starts the sensor's writer, which then publishes each picture, whatever
     signals come. The gate delays the start, and slows nothing down.

@@ -30,7 +30,7 @@ _LOOK = "nothing is wrong with the stage: see whether it still does what you wan
 
 @rule("K29", "gone-setting", scope="lint")
 def gone_setting(subject: LintSubject) -> Iterator[Problem]:
-    """A setting has no effect in this release, and the node works otherwise.
+    """A setting has no effect in this release, and the node behaves differently.
 
     Why: an earlier release had the port. What it did is now done by something else, and its value
     is not carried over: nothing warns when the stage is opened.
@@ -167,7 +167,7 @@ def _skipping(subject: LintSubject) -> Iterator[tuple[Node, int, float]]:
     counted=("other meaning in this release", "other meanings in this release"),
 )
 def other_release(subject: LintSubject) -> Iterator[Problem]:
-    """This release does otherwise with the stage than the one that it comes from.
+    """The stage behaves differently in this release than in the one that it comes from.
 
     Why: a port without a value has the default of the release that opens the stage, some values are
     lost, and some mean another thing. Isaac Sim says nothing of it. It is found only with `--from`:
@@ -217,8 +217,8 @@ def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]
         effect = f" ({words[0 if now else 1]})" if words else ""
         usd_type = subject.platform.types[kind].ports[port].usd_type
         message = (
-            f"{port} has no value{_more(nodes)}: Isaac Sim {releases[1]} takes "
-            f"{display(now)}{effect}, and {releases[0]} takes {display(was)}"
+            f"{port} has no value{_more(nodes)}: Isaac Sim {releases[1]} uses "
+            f"{display(now)}{effect}, {releases[0]} uses {display(was)}"
         )
         yield replace(
             _at(nodes, message, port),

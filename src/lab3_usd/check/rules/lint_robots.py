@@ -38,7 +38,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
     """The target of a controller has no articulation.
 
     Why: the controller looks for the articulation root at its target and below, never above. If
-    there is none, or no joint ties a body to it, it logs an error and nothing moves.
+    there is none, or no joint connects a body to it, it logs an error and nothing moves.
 
     Fix: choose the prim that carries the articulation root, or one above it; the root is a rigid
     body, or above the bodies.
@@ -54,7 +54,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
             continue
         what = "there is no articulation root at or below it"
         if command.roots:
-            what = f"no joint ties a body to the articulation root {command.roots[0]}"
+            what = f"no joint connects a body to the articulation root {command.roots[0]}"
         elif not is_there:
             what = "there is no prim at that path"
         yield Problem(
@@ -123,7 +123,7 @@ def _why_no_body(odometry: Followed) -> str:
         return f"which lists no link in {odometry.asked.links}"
     fault = "is neither a rigid body nor an articulation root"
     if odometry.is_body:
-        fault = "is not a rigid body, and an articulation root to which no joint ties a body"
+        fault = "is not a rigid body but an articulation root that no joint connects to a body"
     is_other = odometry.body.path != odometry.prim.path
     return f"and its first link {odometry.body.path} {fault}" if is_other else f"which {fault}"
 

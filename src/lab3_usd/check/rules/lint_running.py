@@ -34,7 +34,7 @@ _REASONS = {
     "unwired": "{port} is not connected",
     "once": "its only signal comes once, from {cause}, and only opens its topic",
     "counts": "{cause} needs more signals than the one that it receives",
-    "off": "{cause}, which triggers it, is switched off",
+    "off": "{cause}, which triggers it, is disabled",
 }
 
 
@@ -99,7 +99,7 @@ def _stopped(stop: Stop, subject: LintSubject) -> Problem:
     "graph-not-in-scene",
     scope="lint",
     severity="note",
-    counted=("graph switched off", "graphs switched off"),
+    counted=("inactive graph", "inactive graphs"),
 )
 def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
     """A graph is deactivated, or an `over` without a definition.
@@ -152,7 +152,7 @@ def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
     "graph-beside-default-prim",
     scope="lint",
     severity="note",
-    counted=("graph beside the default prim", "graphs beside the default prim"),
+    counted=("graph outside the default prim", "graphs outside the default prim"),
 )
 def graph_beside_default_prim(subject: LintSubject) -> Iterator[Problem]:
     """A graph is outside the default prim, its robot inside.
@@ -174,7 +174,7 @@ def graph_beside_default_prim(subject: LintSubject) -> Iterator[Problem]:
         if named:
             yield Problem(
                 graph.path,
-                f"refers to {named}, but stands beside the default prim {top}: a stage that "
+                f"refers to {named}, but is outside the default prim {top}: a stage that "
                 "references this file gets no graph",
                 expected=f"a graph below {top}",
                 related=(named,),
@@ -221,7 +221,7 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
     "switched-off",
     scope="lint",
     severity="note",
-    counted=("node switched off", "nodes switched off"),
+    counted=("disabled node", "disabled nodes"),
 )
 def switched_off(subject: LintSubject) -> Iterator[Problem]:
     """A ROS 2 node, or a node that passes execution signals, is disabled.
@@ -242,7 +242,7 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
             severity: Severity | None = "warning" if subject.runs(node.path) else None
             yield Problem(
                 node.path,
-                f"{subject.title(node)} is switched off: it does nothing",
+                f"{subject.title(node)} is disabled: it does nothing",
                 property=ENABLED,
                 expected="True",
                 actual="False",

@@ -137,11 +137,11 @@ def _is_another(prim: Prim, topic: SensorTopic, subject: LintSubject) -> bool:
     parameters=(_APART, _TURNED),
 )
 def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
-    """A sensor's frame does not move with it, stands elsewhere, or is turned against it.
+    """A sensor's frame does not move with it, is elsewhere, or is turned against it.
 
     Why: listeners place the data by its frame. In `odom` or in the frame of a wheel it moves away
     from the robot. The points of a depth image are in the axes of REP 103 for cameras, z ahead: in
-    the frame of a link, x ahead, the cloud stands on its side. Points in a frame 2 cm and more from
+    the frame of a link, x ahead, the cloud lies on its side. Points in a frame 2 cm and more from
     their sensor are shifted by as much.
 
     Fix: use the frame of the sensor itself, or of a link that moves with it and has its axes.
@@ -178,7 +178,7 @@ def _resting(topic: SensorTopic, subject: LintSubject) -> str:
     is_resting = key in resting_frames(subject.stage)
     if not is_resting or bodies.move_together(sensor, "/"):
         return ""
-    return f"which stands still, and {sensor} moves with {bodies.carrier(sensor)}"
+    return f"which does not move, while {sensor} moves with {bodies.carrier(sensor)}"
 
 
 def _moving(topic: SensorTopic, frame: _Named, subject: LintSubject) -> str:
@@ -208,11 +208,7 @@ def _apart(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
     if topic.endpoint.type not in _POINTS or data is None or len(places) < max(1, len(named)):
         return ""
     away = subject.stage.meters_per_unit * min(distance(start, data[0]) for start, _ in places)
-    return (
-        f"which stands {away:.2g} m from {topic.sensor.path}"
-        if away > subject.value(_APART)
-        else ""
-    )
+    return f"which is {away:.2g} m from {topic.sensor.path}" if away > subject.value(_APART) else ""
 
 
 @rule("K78", "image-info-mismatch", scope="lint", severity="warning")

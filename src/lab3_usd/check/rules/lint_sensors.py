@@ -370,7 +370,7 @@ def sensor_value(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _renamed(prim: Prim, fault: SensorFault, subject: LintSubject) -> tuple[Edit, ...]:
-    """Return what gives an attribute its name of today, where its value may stay as it is."""
+    """Return the edit that gives an attribute its present name, if its value can stay."""
     models = subject.platform.sensor_models
     attributes = models.attributes_of(prim.apis)
     return tuple(

@@ -116,9 +116,9 @@ def _mismatch(maker: Qos, taker: Qos) -> str:
 def unmatched_peer(subject: LintSubject) -> Iterator[Problem]:
     """The usual peer of a topic cannot be matched with its endpoint.
 
-    Why: whoever asks for more than the other side offers hears nothing (DDS). A default publisher,
-    as those of teleop and Nav2, offers reliable, volatile, no deadline and no lease; `tf2_ros`
-    listens to `/tf` as reliable.
+    Why: a subscriber that asks for more than the publisher offers receives nothing (DDS). A default
+    publisher, as those of teleop and Nav2, offers reliable, volatile, no deadline and no lease;
+    `tf2_ros` listens to `/tf` as reliable.
 
     Fix: clear QoS Profile, or give your own peers the same profile.
 
@@ -256,8 +256,8 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
     """A frame name is empty, ends in a slash or white space, or is that of another prim.
 
     Why: tf2 rejects an empty name and a leading slash. A name with a space is a different frame, so
-    no transform is found for the message. Where name overrides give prims each other's names, each
-    frame stands where the other should.
+    no transform is found for the message. If name overrides exchange the names of two prims, each
+    frame is where the other should be.
 
     Fix: write the name as in the TF tree, without a slash and without white space. Clear the name
     overrides of prims that have each other's names.

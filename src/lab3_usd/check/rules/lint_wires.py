@@ -124,8 +124,8 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
     Why: a wire carries any number, so another quantity gives no message, but the robot does not
     follow its commands. It is an error where nothing moves: speeds as positions of joints whose
     drives have no stiffness, or as efforts against their damping. So is a time step as a time
-    stamp: the time of the messages stands still, and no transform fits it; a number of frames runs
-    60 times too fast.
+    stamp: the time of the messages does not advance, and no transform fits it; a number of frames
+    runs 60 times too fast.
 
     Fix: connect the output, or the component of the vector, that the input expects.
 

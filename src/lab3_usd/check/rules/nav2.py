@@ -411,8 +411,8 @@ def source_without_scan(subject: NavigationSubject) -> Iterator[Problem]:
     """A source of a costmap marks no obstacle.
 
     Why: without values, a source listens in the namespace of its costmap, and everything above its
-    `max_obstacle_height` of 0 m is left out. A scan is no point cloud. Without `marking` obstacles
-    are only cleared.
+    `max_obstacle_height` of 0 m is left out. A scan is not a point cloud. Without `marking`
+    obstacles are only cleared.
 
     Fix: write the values named here for the source.
 

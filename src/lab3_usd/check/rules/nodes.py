@@ -324,7 +324,7 @@ def wheels_commanded_twice(subject: RobotSubject) -> Iterator[Problem]:
     """A second node commands the wheels.
 
     Why: both controllers write the wheel velocities in every frame, and the last one wins. The
-    robot stands still or does not follow its commands.
+    robot does not move, or does not follow its commands.
 
     Fix: delete the graph of that node. Isaac Sim's menu for a differential controller creates one.
 

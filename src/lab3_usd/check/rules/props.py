@@ -45,7 +45,7 @@ def _parts(prop: PropSpec) -> Iterator[tuple[str, str]]:
 def prop(subject: StageSubject) -> Iterator[Problem]:
     """A thing of the scene is missing, or is not as the handout asks.
 
-    Why: what the handout places in the scene is seen, measured or bumped into as it says.
+    Why: sensors see, measure and bump into the things of the scene as the handout describes them.
 
     Fix: create the thing at the path named here, or set what is named on the prim that is named.
 

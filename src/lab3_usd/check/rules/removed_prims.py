@@ -23,7 +23,7 @@ def _section(gone: Removal, lab: Lab) -> str:
 
 @rule("S35", "not-removed", scope="stage", demands=_absences, needs="removals")
 def not_removed(subject: StageSubject) -> Iterator[Problem]:
-    """A prim is there that a checkpoint takes away.
+    """A prim that a checkpoint removes is still there.
 
     Why: the handout asks to delete it. What stays there goes on to publish, to move or to be seen.
 

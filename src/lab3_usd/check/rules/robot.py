@@ -49,7 +49,7 @@ def _asked(subject: RobotSubject, what: str, link: Prim) -> str:
 def _link_problem(
     subject: RobotSubject, link: Prim, what: str, fault: tuple[str, str, str, str], handout: str
 ) -> Problem:
-    """Return that a link is not as asked: a message, a property, what it should be, what it is."""
+    """Return the problem of a link; `fault` is a message, a property, expected and actual value."""
     message, name, expected, actual = fault
     fix, unmet = (Restore(link.path, name),), (_asked(subject, what, link),)
     return Problem(link.path, message, name, expected, actual, handout, fix=fix, unmet=unmet)
@@ -104,10 +104,10 @@ def link_mass(subject: RobotSubject) -> Iterator[Problem]:
 def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
     """A link is not a dynamic rigid body, or the root is one.
 
-    Why: without a rigid body a prim has no mass and no joints: it does not turn, or the
-    robot falls apart or hangs in the air. A Scope, or a prim without a type, has no place and is no
-    body, whatever schemas it has. A robot root that is a rigid body, and that no joint ties to a
-    link, falls by itself, and PhysX does not simulate the bodies below it as asked.
+    Why: without a rigid body a prim has no mass and no joints: it does not turn, or the robot falls
+    apart or hangs in the air. A Scope, or a prim without a type, has no pose and is not a body,
+    whatever its schemas. A robot root that is a rigid body without a joint to a link falls by
+    itself, and PhysX does not simulate the bodies below it as required.
 
     Fix: select the link, choose Add > Physics > Rigid Body, or tick Rigid Body Enabled and clear
     Kinematic Enabled in the Property panel. Remove Rigid Body from the root.
@@ -139,7 +139,7 @@ def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
                 rests_on=subject.stage.unknown(path),
             )
         elif still == BODY_ENABLED:
-            fault = f"{prim.name}'s rigid body is switched off", still, "True", "False"
+            fault = f"{prim.name}'s rigid body is disabled", still, "True", "False"
             yield _link_problem(subject, prim, "body", fault, handout)
         elif still:
             fault = f"{prim.name} is kinematic: nothing moves it", still, "False", "True"
@@ -202,7 +202,7 @@ def wheel_collision(subject: RobotSubject) -> Iterator[Problem]:
             below = stage.below(prim.path)
             off = [part for part in below if is_switched_off(part, COLLISION_ENABLED)]
         site = off[0].path if off else prim.path
-        what = "collision is switched off" if off else "has no collision geometry"
+        what = "collision is disabled" if off else "has no collision geometry"
         inactive = [part.path for part in stage.below(prim.path) if not part.active]
         fix: Edit = Restore(site, COLLISION_ENABLED) if off else Restore(site)
         if len(inactive) == 1:

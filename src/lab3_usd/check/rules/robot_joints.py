@@ -34,7 +34,7 @@ def _joints(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     for robot in lab.scene.robots:
         for name, joint in robot.joints.items():
             first, second = (link or _WORLD for link in joint.links)
-            titles = {"joint": f"{name} ties {second} to {first}"}
+            titles = {"joint": f"{name} connects {second} to {first}"}
             if joint.limits is not None:
                 titles["limits"] = f"{name} moves from {joint.limits[0]:g} to {joint.limits[1]:g}"
             if joint.drive:
@@ -130,7 +130,7 @@ def _ties(prim: Prim, name: str, spec: JointSpec, robot: RobotSpec) -> Iterator[
         # Rules about wheels speak of a wheel, and of what is no part of a robot with wheels.
         is_of_wheels = wheels and (tied in wheels or not is_at_or_below(end, robot.path))
         if tied != asked and not is_of_wheels:
-            text = f"{name} ties {end or _WORLD}, expected {asked or _WORLD}"
+            text = f"{name} connects {end or _WORLD}, expected {asked or _WORLD}"
             yield JointFault(text, key, asked or _WORLD, end or _WORLD)
     axis = prim.attributes.get(AXIS, USUAL_AXIS)
     if spec.axis and axis != spec.axis:

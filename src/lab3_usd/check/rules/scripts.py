@@ -120,7 +120,7 @@ def _unknown_name(fault: BuildFault, problem: str) -> Problem:
 
 @rule("B03", "unknown-command", scope="script")
 def unknown_command(subject: LintSubject) -> Iterator[Problem]:
-    """A key of an edit is none of its commands.
+    """A key of an edit is not a command.
 
     Why: OmniGraph raises an error before it makes anything.
 
@@ -195,7 +195,7 @@ def element_not_created(subject: LintSubject) -> Iterator[Problem]:
 
 @rule("B06", "key-twice", scope="script", severity="warning")
 def key_twice(subject: LintSubject) -> Iterator[Problem]:
-    """A key stands twice in an edit.
+    """An edit has a key twice.
 
     Why: Python keeps the last of two equal keys of a dictionary. The list of the first is lost
     without a message.
@@ -207,7 +207,7 @@ def key_twice(subject: LintSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "key-twice"):
         yield Problem(
             fault.prim,
-            f"{fault.name.upper()} stands again further down, and the list here is lost",
+            f"{fault.name.upper()} is given again further down, and the list here is lost",
             expected="one list",
             actual=fault.name,
             span=fault.at,

@@ -232,7 +232,7 @@ def enclosed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
         for shape in enclosing(sensor.prim, robot) if robot is not None else ():
             yield Problem(
                 shape.path,
-                f"{shape.name} stands around {sensor.prim.name}, which sees nothing else",
+                f"{shape.name} encloses {sensor.prim.name}, which sees nothing else",
                 expected="nothing around the sensor",
                 actual=shape.type,
                 handout=sensor.spec.handout,

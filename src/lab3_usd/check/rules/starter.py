@@ -1,8 +1,8 @@
 """Rules about what the starter brought and the lab does not change (sections 2, 5.4 and A2).
 
-They tell what no rule of the description (S) has told: those judge a stage without the file of its
-starter as well, and say what a change does to the robot. The comparison alone misses units, the
-place of the robot, and what was added to what was supplied, as a lock on a wheel.
+They report only what the rules of the scene (S) do not. Those also work without the starter's
+file, and name the effect on the robot. A comparison alone misses units, the pose of the robot, and
+additions to supplied prims, such as a lock on a wheel.
 """
 
 from __future__ import annotations

@@ -113,8 +113,8 @@ def _weak_drive(joint: WheelJoint, drive: Drive, subject: RobotSubject) -> Itera
 def wheel_grip(subject: RobotSubject) -> Iterator[Problem]:
     """A wheel has no friction on the ground.
 
-    Why: the wheels turn, and the robot stands or slides. The Friction Combine Mode combines the two
-    materials, by default to their mean, so a single frictionless material does no harm. An
+    Why: the wheels turn, and the robot does not move, or slides. The Friction Combine Mode combines
+    the two materials, by default to their mean, so a single frictionless material does no harm. An
     unauthored friction is 0.
 
     Fix: select the material and set Static Friction and Dynamic Friction to the values in the

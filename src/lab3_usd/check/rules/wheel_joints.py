@@ -199,10 +199,10 @@ def joint_bodies(subject: RobotSubject) -> Iterator[Problem]:
 
 @rule("S23", "second-wheel-joint", scope="robot", demands=_TURNS_A_WHEEL, needs="wheels")
 def second_wheel_joint(subject: RobotSubject) -> Iterator[Problem]:
-    """A second joint ties a wheel.
+    """A second joint holds a wheel.
 
-    Why: the second joint holds or drags the wheel, or couples it to another body. The robot stands
-    still or drives in circles, whatever the drive graph commands.
+    Why: the second joint holds or drags the wheel, or couples it to another body. The robot does
+    not move or drives in circles, whatever the drive graph commands.
 
     Fix: delete the joint, or clear Joint Enabled in the Property panel. Each wheel has one joint.
 

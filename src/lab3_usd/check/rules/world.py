@@ -141,7 +141,7 @@ def ground(subject: RobotSubject) -> Iterator[Problem]:
         )
     elif off is not None:
         has_api = COLLISION_API in off.apis
-        what = "is switched off" if has_api else "was removed"
+        what = "is disabled" if has_api else "was removed"
         message = f"the ground does not carry the robot: the collision of {off.name} {what}"
         restored = Restore(off.path, COLLISION_ENABLED)
         yield Problem(

@@ -95,8 +95,8 @@ def write_edited(
 ) -> Iterator[str]:
     """Write an edited stage where it was asked for, and yield a line about each file.
 
-    Each is checked before one is written. With `first_alone` what is replaced is kept where no
-    NAME.orig is there yet: it holds the stage as it was before the first of several commands.
+    All files are checked before the first is written. With `first_alone`, NAME.orig is written only
+    if there is none: it keeps the stage as it was before the first of several commands.
 
     Raises:
         UsageError: a file exists, is shared, was changed meanwhile, or cannot be written.

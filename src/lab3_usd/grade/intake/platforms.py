@@ -145,8 +145,8 @@ class SubmissionPart(Struct, frozen=True):
 
     `entry` is its name in the class. One that `stands_alone` is a submission of its own, whatever
     student it names; others belong together when their students are the same. `platform` is the
-    one that named it, `people` are as that names them, and `others` those that it may be of
-    instead. `upload` and `when` are as in `FileOwner`.
+    one whose form the name has, `people` are named as there, and `others` are further candidates.
+    `upload` and `when` are as in `FileOwner`.
     """
 
     student: str

@@ -52,8 +52,8 @@ _UNREAD = "it cannot be read"
 class Source(Struct, frozen=True):
     """A file, folder or archive that a submission consists of, and its name there ('' for all).
 
-    `address` says where it is to be fetched from when it is not on this computer, `left_out` what
-    is not there because it was refused on the way here, and `fault` why it cannot be fetched.
+    `address` is set if it must be fetched from elsewhere, `left_out` names what was refused on the
+    way here, and `fault` is the reason why it cannot be fetched.
     Sources of one upload have one number, the last upload the highest, and 0 belongs to every
     upload; `when` tells the upload to people.
     """

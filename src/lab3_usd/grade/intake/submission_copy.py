@@ -161,10 +161,10 @@ def stage_seeker(files_in: Callable[[str], Iterable[str]]) -> Callable[[str], bo
 
 
 def made_folder(name: str, holds_stages: Callable[[str], bool]) -> str:
-    """Return the topmost folder above a file that programs fill, '' for none.
+    """Return the topmost folder above a file that programs generate, '' for none.
 
-    One that holds stages of checkpoints is the student's, whatever it is called, and so is one that
-    the lab asks for.
+    A folder that holds stages of checkpoints, or that the lab requires, belongs to the student,
+    whatever its name.
     """
     own = load_lab().submission.folders
     asked = {own.stages, own.starter, own.maps, *own.shown}

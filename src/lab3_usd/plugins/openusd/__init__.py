@@ -1,7 +1,7 @@
 """OpenUSD's validation framework: one validator of stages that reports what the linter finds.
 
-usd-core imports this module when the validator is first asked for; it finds the validator by
-`plugInfo.json` beside this file, whose folder PXR_PLUGINPATH_NAME must name.
+usd-core reads `plugInfo.json` in this folder, which PXR_PLUGINPATH_NAME must name, and imports this
+module when the validator first runs.
 """
 
 from __future__ import annotations

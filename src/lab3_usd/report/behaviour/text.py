@@ -75,7 +75,7 @@ PASSED_IN_A_RECORDING = {
     "frames": "each frame keeps its parent, and its transforms come without gaps",
     "way": "in total, the robot goes as far as commanded",
     "joints": "each joint is where it is commanded to",
-    "localization": "localization ties the map to odometry",
+    "localization": "localization connects the map to odometry",
     "goal": "the last goal was reached",
 }
 

@@ -76,10 +76,10 @@ class Page(Struct, frozen=True):
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the report as text, with ANSI colours when `options.color` asks for them.
 
-    Stages of one folder, each of another checkpoint, are reported together: a fault once, with the
-    stages that have it. quiet: the lines that sum up. normal: warnings and errors in full, notes in
-    a line each, or in one that counts them where no lab asks for anything. verbose: all in full,
-    with what each rule's fault does on the robot, and the whole checklist.
+    Stages of a folder that belong to different checkpoints are reported together: each fault once,
+    with the stages that have it. quiet: only the summary lines. normal: errors and warnings in
+    full, each note in one line; without a lab, one line counts the notes. verbose: everything in
+    full, with the effect of each fault on the robot, and the whole checklist.
     """
     quiet = options.verbosity == "quiet"
     findings = [entry.finding for entry in entries(report)]

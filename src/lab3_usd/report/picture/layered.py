@@ -55,8 +55,8 @@ def backward(keys: Sequence[str], edges: Sequence[Edge]) -> frozenset[int]:
 def ranks(keys: Sequence[str], edges: Sequence[Edge]) -> dict[str, int]:
     """Return the column of each key, from 0; `edges` form no cycle and always lead rightward.
 
-    A box that feeds others stands right before the first of them, one that feeds none as far
-    left as it can: that keeps wires short.
+    To keep wires short, a box that feeds others is directly before the first of them, and one that
+    feeds none is as far left as possible.
     """
     following: dict[str, list[str]] = {key: [] for key in keys}
     sorter: TopologicalSorter[str] = TopologicalSorter(dict.fromkeys(keys, ()))

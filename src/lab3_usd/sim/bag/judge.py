@@ -208,7 +208,7 @@ def way(recorded: Recorded) -> Iterator[RunFault]:
 
 
 def localization(recorded: Recorded) -> Iterator[RunFault]:
-    """Localization ties the map to odometry, alone and to the end."""
+    """Localization alone connects the map to odometry, to the end."""
     root, gathered = _root(recorded), recorded.gathered
     link = gathered.links.get((recorded.topics.map_frame, root))
     if link is None:

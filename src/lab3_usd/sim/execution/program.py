@@ -176,7 +176,7 @@ def _refused(
         out = nodes[path].type.port(output) if path in nodes else None
         if port is None or out is None or not drops_wire(out, port):
             continue
-        text = f"{name} takes {port.ogn_type}, and {path} gives {out.ogn_type}"
+        text = f"{name} expects {port.ogn_type}, but {path} provides {out.ogn_type}"
         yield node.path, Failure(text, "refused-wire")
 
 
@@ -189,8 +189,8 @@ def _is_described(node: NodeInstance, platform: Platform) -> bool:
 def depending(program: Program, missing: Collection[str]) -> frozenset[str]:
     """Return the nodes that depend on unknown values, also through other nodes.
 
-    That is what no function is written for, inputs of which one of several sources is taken, and a
-    target on an asset that cannot be found.
+    Unknown are nodes without a function, inputs with several sources, and targets in missing
+    assets.
     """
     unsure = {*program.unwritten, *(name.rpartition(".")[0] for name in program.guessed)}
     for node in program.nodes.values():

@@ -329,7 +329,7 @@ def _of_stand(robot: Machine) -> Iterator[Cause]:
     if robot.kinematic:
         yield Cause(robot.kinematic, "it is kinematic: nothing moves it", "kinematic-link")
     if robot.held:
-        yield Cause(base, "a joint ties the robot to the world", "base-fixed-to-world")
+        yield Cause(base, "a joint connects the robot to the world", "base-fixed-to-world")
     if not robot.pulled:
         yield Cause(base, "gravity does not hold the robot on the ground", "no-gravity")
     if not robot.grounded and robot.no_ground is not None:

@@ -45,8 +45,8 @@ Rays = Sequence[tuple[float, Sequence[Ray]]]  # of each scan, with when it came
 def fit(trial: Trial) -> MapFit | None:
     """Return how well the scans of a run fit its map, None without a map or a scan.
 
-    Nobody says where a dry run's map has the odometry frame: of the places that may be meant that
-    counts at which the map is of the room, else the best.
+    Where the map of a dry run has the odometry frame is unknown. Of the possible places, the one
+    at which the map shows this room counts, else the one with the best fit.
     """
     rays = list(_rays(trial)) if trial.map is not None else []
     if trial.map is None or not rays:

@@ -193,7 +193,7 @@ def _at_limit(trial: Trial, stretch: Stretch) -> RunFault | None:
     unit = "rad" if turning else "m"
     if what := _stopped_by(trial, stretch, speed / limit):
         return _wall(what, f"commanded to go {name}", f"at {speed:.2f} of {limit} {unit}/s")
-    text = f"commanded to go {name}, does {speed:.2f} of {limit} {unit}/s"
+    text = f"commanded beyond its limit ({name}): goes at {speed:.2f} {unit}/s, limit {limit}"
     return trial.motion_fault(text + trial.expected_text(limit, ".2f"), "wrong-speed-limit")
 
 

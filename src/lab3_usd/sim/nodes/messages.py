@@ -30,7 +30,7 @@ def read_imu(node: NodeInstance, world: World) -> bool:
     is_off = prim is not None and prim.values.get("enabled") is False
     if prim is None or not body or is_off:
         node.outputs.update(linAcc=NO_VECTOR, angVel=NO_VECTOR, orientation=(0.0, 0.0, 0.0, 1.0))
-        fault = "is switched off" if is_off else "is not below a rigid body"
+        fault = "is disabled" if is_off else "is not below a rigid body"
         return node.fails(f"its prim {fault}", "no-inertial-sensor")
     place, now = world.machines.place(prim.path), world.machines.place(body)
     back = place.inverse()

@@ -40,7 +40,7 @@ def create_render_product(node: NodeInstance, world: World) -> bool:
     """CN/python/nodes/OgnIsaacCreateRenderProduct.py:77-160."""
     targets = node.targets("cameraPrim")
     if not node.flag("enabled", world):
-        return node.fails("it is switched off", "switched-off")
+        return node.fails("it is disabled", "switched-off")
     if not targets or targets[0] not in world.scene.prims:
         kind: FaultKind = "missing-camera-prim" if targets else "no-camera-target"
         return node.fails("its camera prim does not exist", kind)
@@ -68,7 +68,7 @@ def product_of(node: NodeInstance, world: World) -> Product | None:
     if not node.flag("enabled", world):
         world.detach(node)
         node.memory.clear()
-        node.fails("it is switched off", "switched-off")
+        node.fails("it is disabled", "switched-off")
         return None
     if node.memory.get("attached"):
         return None

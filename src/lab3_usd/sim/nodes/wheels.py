@@ -124,9 +124,9 @@ def _wheels(
 def holonomic_controller(node: NodeInstance, world: World) -> bool:
     """WC/controllers/holonomic_controller.py:52-190: the least speeds that add up to a command.
 
-    Its program is solved in closed form, as it has equations alone. A limit of 0 is one: wheels
-    stand still, and with a maxLinearSpeed of 0 the speeds are no numbers (:172-190), which leave
-    the joints as they are.
+    Its optimization has only equality constraints, so it is solved in closed form. A limit of 0
+    counts: wheels stop. With a maxLinearSpeed of 0 the speeds are NaN (:172-190), and the joints
+    stay as they are.
     """
     columns: list[_Roller] | None = node.memory.get("columns")
     if columns is None:

@@ -32,7 +32,7 @@ def domain_faults(lab: Lab) -> Iterator[LabFault]:
     (first, place), *others = [*places.items()] or [(system, "")]
     for second, other in others:
         file, _, key = other.partition(": ")
-        message = f"the domain is {second}, in another graph {first}: nobody hears both"
+        message = f"the domain is {second}, in another graph {first}: no listener receives both"
         yield LabFault(file, key, message, place, "warning")
     if places and system not in places:
         message = f"{system} is the domain of no graph, {first} is"

@@ -186,7 +186,7 @@ def _misspelt_scans(lab: Lab) -> Iterator[LabFault]:
             is_odd = name.startswith(_SENSOR) and not is_known
             meant = nearest_name(name, names) if is_odd else None
             if meant is not None:
-                message = f"'{name}' is no attribute of a sensor, '{meant}' is"
+                message = f"'{name}' is not an attribute of a sensor, '{meant}' is"
                 key = f"sensors: {sensor}: {name}"
                 yield LabFault(SCENE, key, message, severity="warning")
 

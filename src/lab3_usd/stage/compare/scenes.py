@@ -77,8 +77,8 @@ def scene_changes(
 ) -> Iterator[StageChange]:
     """Yield how the prims of `after` differ from those of `before`, graphs left aside.
 
-    A prim that came or went stands for all below it; one that went and came again elsewhere, with
-    its type and name, has moved. `path` says where a target is now.
+    An added or removed prim represents everything below it. A prim that was removed and added
+    elsewhere with the same type and name was moved. `path` returns the present path of a target.
     """
     rules, form = lab.submission.starter, lab.platform.graph
     never = pattern(name for name in rules.never if name not in _SENSORS).match

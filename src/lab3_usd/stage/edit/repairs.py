@@ -102,8 +102,8 @@ def _source(session: EditSession, path: str, name: str) -> str:
 def _erase(session: EditSession, path: str, name: str) -> None:
     """Remove a property that no layer of the reference has at this prim.
 
-    Over what a weaker layer says the value of the reference is written, or a block where it has
-    none, unless the reference refers to something that says it.
+    If a weaker layer has an opinion, the value of the reference overrides it, or a block if the
+    reference has no value; unless the reference itself refers to that opinion.
     """
     for spec in session.specs(path):
         authored = spec.properties.get(name)

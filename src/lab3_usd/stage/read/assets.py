@@ -109,8 +109,8 @@ def _prims_in(layer: Sdf.Layer) -> Iterator[str]:
 def find_unresolved(stage: Usd.Stage) -> list[UnresolvedAsset]:
     """Return what composition could not find, in the order of prim and asset.
 
-    What a sublayer of the stage itself would bring may be anywhere; one that an asset lacks
-    concerns the prims that refer to the asset, as what a prim lacks those that refer to the prim.
+    A missing sublayer of the stage itself could hold anything. A missing sublayer of an asset
+    concerns the prims that refer to the asset; what a prim lacks, those that refer to the prim.
     """
     errors = stage.GetCompositionErrors()
     if not errors:

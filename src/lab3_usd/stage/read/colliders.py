@@ -39,9 +39,9 @@ class StageColliders(Colliders):
     """The boxes around the collision prims of an open stage, each measured when it is asked for.
 
     A collision prim has the box of its own shape and of the shapes below it. Planes have none.
-    Cylinders, spheres and capsules are taken as round, so that a wheel turned about its axle stands
-    as high as one that is not; cones as the cylinders around them. Their radius has the largest
-    scale across their axis, as in PhysX (omni.usdphysics/plugins/Collision.cpp:132-310).
+    Cylinders, spheres and capsules count as round, so that turning a wheel about its axle does not
+    change its height; cones count as the cylinders around them. The largest scale across the axis
+    gives the radius, as in PhysX (omni.usdphysics/plugins/Collision.cpp:132-310).
     """
 
     def __init__(self, prims: Prims, reader: PrimReader) -> None:

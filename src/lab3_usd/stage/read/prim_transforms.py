@@ -1,8 +1,8 @@
 """The local and world transforms of prims, out of their own operations.
 
-The same as `UsdGeom.Xformable` gives, for types that usd-core does not know as well, and without
-loading UsdGeom's Python classes, which takes as long as judging a stage. Matrices are plain
-tuples: converting one of Gf's takes longer than composing two.
+They equal those of `UsdGeom.Xformable`, also for types unknown to usd-core. UsdGeom's Python
+classes are not loaded, since that takes as long as checking a stage. Matrices are plain tuples:
+converting one of Gf's takes longer than composing two.
 """
 
 from __future__ import annotations
@@ -73,9 +73,9 @@ class TransformCache:
 
 
 def is_placeless(kind: str, path: str, hidden: Iterable[str]) -> bool:
-    """Whether a prim of a type stands where its parent does, as it is no Xformable.
+    """Whether a prim of a type has the pose of its parent, because the type is not Xformable.
 
-    One without a type that a missing asset may give is none; below `hidden` prims assets miss.
+    False for a prim whose type a missing asset may define; assets are missing below `hidden` prims.
     """
     if _is_xformable(kind):
         return False

@@ -1,17 +1,15 @@
 """Reads the properties of composed prims as plain values, as the timeline starts with them.
 
-Isaac Sim opens a stage at its first time code and plays from there on, and a time sample or a
-spline beats the default value. So the values of that moment are written into the session layer of
-a stage, where everybody who asks for a value finds them.
+Isaac Sim plays a stage from its first time code, and a time sample or spline overrides the default
+value. So the values at that time are written into the session layer, where every query finds them.
 
-usd-core parses every schema that it has, once in a process, when it is first asked for a
-property that no layer holds or for the type of one. That takes as long as judging a stage. Here the
-layers are asked what they hold, and the stage only for values, sources and targets that are there.
+When usd-core is first asked for a property that no layer holds, or for its type, it parses all of
+its schemas, once per process. That takes as long as checking a stage. So the layers are asked which
+properties they hold, and the stage only for values, sources and targets that exist.
 
-Methods of prims and attributes are called on the class, here and wherever it is done for each
-prim: called on the object, usd-core first looks whether that is still valid, in Python's way of
-finding an attribute, which takes longer than most answers. So the prim must be one of the stage:
-without that look, a prim that is none ends the process.
+Methods that run for every prim or attribute are called on the class (`Usd.Prim.GetPath(prim)`). A
+call on the object first runs a validity check, which takes longer than most answers. So the prim
+must be valid: without that check, an invalid prim ends the process.
 """
 
 from __future__ import annotations

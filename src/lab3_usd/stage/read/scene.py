@@ -158,7 +158,7 @@ def _only_users(prims: Mapping[str, ScenePrim], platform: Platform) -> dict[str,
 
 
 def _used_by(node: SceneNode, user: str | None, platform: Platform) -> SceneNode:
-    """Return a node that aims at the user of its graph where it names what stands for that."""
+    """Return a node with the user of its graph as target, in place of the placeholder for it."""
     placeholder = platform.graph.evaluation.placeholder
     named = {path for paths in node.targets.values() for path in paths}
     if user is None or not any(path.rpartition("/")[2] == placeholder for path in named):

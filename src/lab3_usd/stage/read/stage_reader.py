@@ -328,7 +328,9 @@ class _Scan:
         ports = read_ports(properties, *self._type(type_name)[1:])
         if not (ports or type_name):
             return
-        reason = f"of type {prim.GetTypeName() or 'none'}, not {self._platform.graph.node_type}"
+        reason = (
+            f"of type {prim.GetTypeName() or 'none'}, expected {self._platform.graph.node_type}"
+        )
         if not prim.IsActive():
             reason = DEACTIVATED
         elif not is_in_scene(prim, self._hidden):
