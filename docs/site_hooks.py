@@ -33,6 +33,7 @@ RULES = "rules"
 _RULE = re.compile(r"\*\*([A-Z]+\d+)( [\w-]+)?\*\*")
 _LINK = re.compile(r"(\]\()([^)#\s]*)(#[^)\s]*)?(\))")
 _PREPARATION = re.compile(r"<!-- before:.*?-->\n*", re.DOTALL)
+_WIDE = "---\nhide: [toc]\n---\n"
 _FENCE = re.compile(r"^(\s*```)(\w+) \S.*$", re.MULTILINE)
 
 
@@ -40,6 +41,8 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
     """Add the pages that stand outside of docs/."""
     for place, source in OUTSIDE.items():
         content = (ROOT / source).read_text(encoding="utf-8")
+        if place == "index.md":
+            content = _WIDE + content
         files.append(File.generated(config, place, content=content))
     for rule_id, content in rule_pages():
         files.append(File.generated(config, f"{RULES}/{rule_id}.md", content=content))
@@ -68,3 +71,8 @@ def on_page_markdown(markdown: str, page: Page, config: MkDocsConfig, files: Fil
         markdown = _RULE.sub(rf"[**\1\2**]({RULES}/\1.md)", markdown)
     text = _PREPARATION.sub("", markdown)
     return _LINK.sub(link, _FENCE.sub(r"\1\2", text))
+
+
+def on_post_page(output: str, **_: object) -> str:
+    """Keep the theme from asking GitHub for stars: no request leaves the reader's computer."""
+    return output.replace(' data-md-component="source"', "")
