@@ -17,6 +17,7 @@ from foreign_robots import (
 )
 from in_process import invoke
 from pxr import Gf, UsdGeom, UsdPhysics
+from robot_kinds import rollers
 
 from lab3_usd.facts.robots import Robot, robots
 from lab3_usd.pipeline.any_stage import lint_platform
@@ -59,6 +60,21 @@ def test_a_robot_that_stands_turned_has_its_own_left(tmp_path: Path) -> None:
     stage.Save()
     (robot,) = robots_of(tmp_path / "bot.usda")
     assert sides(robot) == {"left_joint": ("left", 0.05), "right_joint": ("right", 0.05)}
+
+
+def test_a_mecanum_wheel_is_a_wheel_and_its_rollers_are_none(tmp_path: Path) -> None:
+    assert rollers().Export(str(tmp_path / "bot.usda"))
+    shown = json.loads(invoke("robots", tmp_path / "bot.usda", "--format", "json").output)
+    wheels = {
+        wheel["joint"]: (wheel["side"], wheel["radius"], wheel["roller_angle"])
+        for wheel in shown["robots"][0]["wheels"]
+    }
+    assert wheels == {
+        "front_left_joint": ("left", 0.1, -135.0),
+        "front_right_joint": ("right", 0.1, -45.0),
+        "rear_left_joint": ("left", 0.1, -45.0),
+        "rear_right_joint": ("right", 0.1, -135.0),
+    }
 
 
 def test_a_castor_is_no_wheel(tmp_path: Path) -> None:

@@ -131,6 +131,9 @@ def test_what_a_later_stage_adds_is_listed_and_what_it_removes_is_described(hall
     first = hall.rename(hall.with_name("hall_1.usda"))
     told = invoke("lab", "new", hall.parent / "two", first, later).output
     assert "left out: scene.yaml: props: /Hall/Rack, which comes with checkpoint 2" in told
+    rubric = (hall.parent / "two" / "rubric.yaml").read_text()
+    assert "robot" not in rubric
+    assert "rules: [U], " in rubric  # S would judge what students do as the supplied scene
     lab = load_lab(hall.parent / "two")
     assert lab.checkpoints["2"].removed == ("/Hall/Lamp",)
     assert not lab.checkpoints["2"].topics

@@ -50,6 +50,7 @@ from lab3_usd.model.transforms import (
 
 Side = Literal["left", "right", "middle"]
 MIMIC = "Mimic"
+ROLLER_ANGLE, _ROLLER_RADIUS = "isaacmecanumwheel:angle", "isaacmecanumwheel:radius"
 _LEVEL = 0.3  # sine of the angle up to which an axle counts as level
 _MIDDLE = 0.005  # metres from the middle of a robot
 
@@ -94,7 +95,8 @@ class Wheel(Struct, frozen=True, eq=False):
 
     `place` is that of its joint ahead, to the left and above the base, in metres; `radius` is None
     where no round collider tells it. `axle` is about what a positive speed turns it, in the same
-    axes. `steering` is the joint that turns its axle, None for a wheel that is not steered.
+    axes. `steering` is the joint that turns its axle, None for a wheel that is not steered. A
+    mecanum wheel, of IsaacMecanumWheelAPI, has the `roller_angle` and the radius of its joint.
     """
 
     joint: RobotJoint
@@ -103,6 +105,11 @@ class Wheel(Struct, frozen=True, eq=False):
     radius: float | None
     shape: str
     steering: RobotJoint | None = None
+
+    @property
+    def roller_angle(self) -> float | None:
+        """How the rollers stand to the axle, in degrees; None for a wheel without any."""
+        return _number(self.joint.prim, ROLLER_ANGLE)
 
     @property
     def side(self) -> Side:
@@ -313,10 +320,17 @@ def _wheels(
 ) -> Iterator[Wheel]:
     up = AXES["XYZ".index(stage.up_axis)] if stage.up_axis in "XYZ" else AXES[2]
     rolling = []
+    hubs = {j.link: j for j in robot.joints if _number(j.prim, ROLLER_ANGLE) is not None}
     for joint in robot.joints:
         axle = _axle(joint, stage)
         is_level = axle is not None and abs(dot(axle, up)) <= _LEVEL
-        if joint.prim.type == REVOLUTE and not joint.has_limits and axle is not None and is_level:
+        if joint.near in hubs:
+            continue  # a roller
+        if joint.link in hubs and axle is not None:
+            size = _number(joint.prim, _ROLLER_RADIUS)
+            radius = None if size is None else size * stage.meters_per_unit
+            rolling.append((joint, axle, radius, "rollers"))
+        elif joint.prim.type == REVOLUTE and not joint.has_limits and axle is not None and is_level:
             radius, shape = rolling_radius(joint.link, axle, stage)
             if shape:
                 rolling.append((joint, axle, radius, shape))
@@ -343,6 +357,11 @@ def _wheels(
         place = (dot(away, axes[0]), dot(away, axes[1]), dot(away, axes[2]))
         turned = (dot(axle, axes[0]), dot(axle, axes[1]), dot(axle, axes[2]))
         yield Wheel(joint, scaled(place, stage.meters_per_unit), turned, radius, shape, steering)
+
+
+def _number(prim: Prim, name: str) -> float | None:
+    value = prim.attributes.get(name)
+    return float(value) if isinstance(value, (int, float)) else None
 
 
 def _pivots(

@@ -334,13 +334,15 @@ def submission_text(steps: Sequence[Step]) -> str:
 def rubric_text(title: str, steps: Sequence[Step], lab: Lab) -> str:
     """Return `rubric.yaml`: the same points for each checkpoint, and what a changed robot costs."""
     items: dict[str, Any] = {}
-    supplied = (robot.group for robot in lab.scene.robots)
+    supplied = [robot.group for robot in lab.scene.robots]
+    robots = "robots" if supplied[1:] else "robot"
+    things = [robots, "scene"] if supplied else ["scene"]
     for step in steps:
         groups = [*step.graphs, *(sensor_group(lab, name) for name in step.sensors)]
         groups += [TREE_GROUP] if step.frames else []
         if step is steps[0]:
             items[_SUPPLIED] = {
-                "title": "The supplied robot and scene",
+                "title": f"The supplied {' and '.join(things)}",
                 "checkpoint": step.id,
                 "groups": list(dict.fromkeys([SCENE_GROUP, *supplied])),
                 "points": _POINTS,
@@ -352,12 +354,13 @@ def rubric_text(title: str, steps: Sequence[Step], lab: Lab) -> str:
             "groups": groups or ["*"],
             "points": _POINTS,
         }
+    is_all_supplied = bool(supplied) and not any(step.removes for step in steps)
     cap = {
-        "rules": ["S", "U"],
+        "rules": ["S", "U"] if is_all_supplied else ["U"],  # else S also judges what students do
         "items": [_SUPPLIED],
         "checkpoints": ["*"],
         "at_most": 0,
-        "because": "the supplied robot or scene was changed",
+        "because": f"the supplied {' or '.join(things)} was changed",
     }
     head = "The points of each part of the lab. `groups` are graphs, sensors, Scene and TF."
     notes = {

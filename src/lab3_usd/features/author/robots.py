@@ -34,9 +34,9 @@ def command(stage: Path, form: str, release: str | None, assets: tuple[str, ...]
     """Print the robots of a stage: root, base, wheels, joints, sensors, frames and graphs.
 
     A robot is what joints hold together. Wheels are round links that unlimited revolute joints turn
-    about level axles, castors left out; where they are is said by place (metres ahead, to the left
-    and above the base), not by name. Graphs are those that name one of its prims. The same facts
-    fill in what lab3 add adds.
+    about level axles, castors and rollers left out; where they are is said by place (metres ahead,
+    to the left and above the base), not by name. Graphs are those that name one of its prims. The
+    same facts fill in what lab3 add adds.
     """
     from lab3_usd.facts.robots import robots, sensors
     from lab3_usd.isaac.releases import BASE
@@ -107,6 +107,8 @@ def _wheel_words(wheel: Wheel) -> str:
     x, y, z = wheel.place
     size = f"radius {wheel.radius:.3f} m" if wheel.radius else "no round collider"
     words = [f"{wheel.side}, {x:+.2f} {y:+.2f} {z:+.2f} m", size]
+    if wheel.roller_angle is not None:
+        words.append(f"rollers at {wheel.roller_angle:g} degrees")
     if wheel.steering is not None:
         words.append(f"steered by {wheel.steering.name}")
     return ", ".join([*words, _drive_words(wheel.joint)])
@@ -171,6 +173,7 @@ def _document(robot: Robot, model: StageModel) -> dict[str, Any]:
                 "side": wheel.side,
                 "place": [round(part, 6) for part in wheel.place],
                 "radius": None if wheel.radius is None else round(wheel.radius, 6),
+                "roller_angle": wheel.roller_angle,
                 "steered_by": wheel.steering.name if wheel.steering else None,
             }
             for wheel in robot.wheels
