@@ -8,15 +8,15 @@ from pathlib import Path
 
 PACKAGE = Path(__file__).resolve().parent
 LAB_VARIABLE = "LAB3_LAB"
-SITE = "https://OWNER.github.io/lab3-usd"  # as in pyproject.toml
+SITE = ""  # the address of the documentation, once it has one; as in pyproject.toml and mkdocs.yml
 TEAM_VARIABLE = "LAB3_TEAM"
 PROGRAMS = ("lab3", "usdlab")  # the same program; the second names no lab
 _PROGRAM = rf"(?<![.\w])(_?){PROGRAMS[0]}(?!-usd|\.toml|:|\w)"
 
 
 def rule_address(rule_id: str) -> str:
-    """Return the address of the page of a rule of this package."""
-    return f"{SITE}/rules/{rule_id}.html"
+    """Return the address of the page of a rule of this package, '' while it has none."""
+    return f"{SITE}/rules/{rule_id}.html" if SITE else ""
 
 
 def program() -> str:

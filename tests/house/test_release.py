@@ -30,8 +30,19 @@ def test_the_change_log_has_the_version_of_the_package() -> None:
 
 
 def test_the_pages_of_rules_are_in_the_documentation_that_the_package_names() -> None:
-    assert f'Documentation = "{SITE}"' in (REPOSITORY / "pyproject.toml").read_text()
-    assert quick_yaml.load((REPOSITORY / "mkdocs.yml").read_text())["site_url"] == f"{SITE}/"
+    package = (REPOSITORY / "pyproject.toml").read_text()
+    named = re.search(r'^Documentation = "(.*)"$', package, re.MULTILINE)
+    site = quick_yaml.load((REPOSITORY / "mkdocs.yml").read_text()).get("site_url", "")
+    assert SITE == (named[1] if named else "") == site.removesuffix("/")
+
+
+@pytest.mark.parametrize("name", ["pyproject.toml", "mkdocs.yml", "CITATION.cff", "src"])
+def test_nothing_that_is_published_leads_to_an_owner_that_is_none(name: str) -> None:
+    path = REPOSITORY / name
+    files = [path] if path.is_file() else path.rglob("*.py")
+    assert [
+        file for file in files if re.search(r"https?://\S*OWNER", file.read_text("utf-8"))
+    ] == []
 
 
 @pytest.mark.filterwarnings("ignore:.*make_default_short_help:DeprecationWarning")  # click-man's

@@ -20,7 +20,7 @@ from report_examples import (
     hostile,
 )
 
-from lab3_usd.data import rule_address
+from lab3_usd import data
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats import sarif
 from lab3_usd.report.formats.registry import render
@@ -66,8 +66,14 @@ def test_a_rule_brings_its_manual() -> None:
     rules = run_of(REPORT)["tool"]["driver"]["rules"]
     assert [rule["id"] for rule in rules] == ["F01", "F05", "N07", "W01", "X01"]
     assert rules[3]["help"]["text"] == RULES["W01"].manual
-    assert rules[3]["helpUri"] == rule_address("W01")
     assert rules[3]["defaultConfiguration"] == {"level": "error"}
+
+
+def test_a_rule_leads_to_its_page_once_there_is_a_site(monkeypatch: pytest.MonkeyPatch) -> None:
+    assert "helpUri" not in run_of(REPORT)["tool"]["driver"]["rules"][3]
+    monkeypatch.setattr(data, "SITE", "https://example.org/lab3")
+    rules = run_of(REPORT)["tool"]["driver"]["rules"]
+    assert rules[3]["helpUri"] == "https://example.org/lab3/rules/W01.html"
 
 
 def test_a_result_points_at_its_rule() -> None:

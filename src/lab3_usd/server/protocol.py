@@ -160,8 +160,9 @@ def _diagnostic(document: TextDocument, finding: Finding) -> types.Diagnostic:
 
 
 def _page_of(rule_id: str) -> types.CodeDescription | None:
-    """Return the page of a rule, which custom rules lack."""
-    return None if rule_id in own_rules() else types.CodeDescription(rule_address(rule_id))
+    """Return the page of a rule; custom rules have none, and no rule while there is no site."""
+    address = "" if rule_id in own_rules() else rule_address(rule_id)
+    return types.CodeDescription(address) if address else None
 
 
 def _message(finding: Finding) -> str:

@@ -108,7 +108,7 @@ def file_uri(path: str, root: str | None) -> Json:
 def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
     if rule is None:
         return {"id": rule_id, "name": name}
-    page = {} if rule.scope == "own" else {"helpUri": rule_address(rule_id)}
+    address = "" if rule.scope == "own" else rule_address(rule_id)
     first = " ".join(rule.manual.partition("\n\n")[0].split())
     return {
         "id": rule_id,
@@ -116,7 +116,7 @@ def _descriptor(rule_id: str, name: str, rule: Rule | None) -> Json:
         "shortDescription": {"text": first},
         "fullDescription": {"text": rule.section("Why") or first},
         "help": {"text": rule.manual},
-        **page,
+        **({"helpUri": address} if address else {}),
         "defaultConfiguration": {"level": rule.severity},
     }
 
