@@ -16,9 +16,6 @@ pytest.importorskip("pygls", reason="the extra editor is not installed")
 from lsprotocol import types
 from pygls.lsp.client import LanguageClient
 
-from lab3_usd import data
-from lab3_usd.server import protocol
-
 CARTER = REPOSITORY / "docs" / "examples" / "carter.usda"
 _T = TypeVar("_T")
 
@@ -176,15 +173,6 @@ def test_text_that_is_no_stage_is_one_finding_at_its_line(carter: Path) -> None:
     (found,) = asked(carter, question)
     assert found.range.start.line == line_of(broken, "OmniGraphNode publish")
     assert found.code_description is None  # nothing is published yet
-
-
-def test_a_finding_leads_to_the_page_of_its_rule_once_there_is_a_site(
-    monkeypatch: pytest.MonkeyPatch,
-) -> None:
-    monkeypatch.setattr(data, "SITE", "https://example.org/lab3")
-    page = protocol._page_of("K01")
-    assert page is not None
-    assert page.href == "https://example.org/lab3/rules/K01.html"
 
 
 def test_a_hover_shows_the_manual_of_the_rule(carter: Path) -> None:
