@@ -7,7 +7,7 @@ from pathlib import Path
 from shutil import copytree
 
 import pytest
-from invoking import invoke
+from in_process import invoke
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 
 from lab3_usd.errors import SpecError
