@@ -13,6 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 from lab3_usd.errors import SpecError
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.props import PlaceSpec
 
 HALL = """#usda 1.0
 (
@@ -92,7 +93,7 @@ def course(tmp_path_factory: pytest.TempPathFactory) -> Path:
     told = invoke("lab", "new", folder / "lab", *names)
     assert told.exit_code == 0, told.output
     scene = folder / "lab" / "scene.yaml"
-    scene.write_text(scene.read_text() + PROPS)
+    scene.write_text(scene.read_text().partition("\nprops:")[0] + PROPS)
     made = invoke("--lab", folder / "lab", "build", "--out", folder / "built")
     assert made.exit_code == 0, made.output
     (folder / "built" / "steel.png").touch()
@@ -246,6 +247,17 @@ def test_what_a_milestone_changes_is_no_change_of_the_starter(course: Path) -> N
     starter, stage = course / "built" / "hall_1.usda", course / "built" / "hall_3.usda"
     result = invoke("--lab", course / "lab", "check", "--starter", starter, stage, "--quiet")
     assert result.exit_code == 0, result.output
+
+
+def test_a_new_lab_describes_what_its_stages_add_and_change(course: Path, tmp_path: Path) -> None:
+    stages = sorted((course / "built").glob("hall_*.usda"))
+    said = invoke("lab", "new", tmp_path / "lab", *stages).output
+    assert (said.count("pass, "), "left out" in said) == (3, False)
+    props = load_lab(tmp_path / "lab").scene.props
+    assert props["lamp"].until["2"].values == {"inputs:intensity": 500}
+    assert props["crate"].until["2"].place == PlaceSpec(2.0, 0.0, -1.0)
+    assert props["steel"].connections == {"outputs:surface": (f"{SURFACE}.outputs:surface",)}
+    assert props["surface"].values["inputs:roughness"] == 0.3
 
 
 REFUSED = {

@@ -96,7 +96,7 @@ def folder(tmp_path: Path) -> Path:
     assert told.exit_code == 0, told.output
     scene = tmp_path / "lab" / "scene.yaml"
     units = scene.read_text().replace("up_axis: Z,", "up_axis: Z, default_prim: Hall,")
-    scene.write_text(units + PROPS)
+    scene.write_text(units.partition("\nprops:")[0] + PROPS)
     return tmp_path
 
 

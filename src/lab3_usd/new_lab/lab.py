@@ -41,6 +41,7 @@ from lab3_usd.new_lab.checkpoints import (
     submission_text,
 )
 from lab3_usd.new_lab.graphs import GraphText, catalog_text, describe_graphs, running_graphs
+from lab3_usd.new_lab.props import Props, describe_props
 from lab3_usd.new_lab.robot import PART, has_robot
 from lab3_usd.new_lab.scene import (
     Source,
@@ -63,15 +64,19 @@ from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION, Lab
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.stage.read.stage_reader import read_stage
+from lab3_usd.stage.things import read_things
 
 _SCENE_HEAD = """\
 Requirements of the scene: units, robot, world, sensors.
 `handout` names the section of each item. Lengths in metres, angles in degrees, masses in kg."""
+_UNSAID = ("ui:*", "state:*", "omni:*", "isaac:*")  # what an editor writes for itself
 _SCENE_NOTES = {
     "tolerance": "Tolerances of the numbers below.",
     "robot": "The links are the bodies right below the robot's path.",
     "robots": "The links are the bodies below the paths of the robots.",
     "world": "Recognised by type, wherever they stand; `usual` is where the stage has them.",
+    "props": "Things, each with what is asked of it: values under `set` as USD has them, lengths\n"
+    "there in units of the stage; a `place` in the world in metres.",
     "sensors": "By the names that checkpoints add them under. Only what is `required` is checked.",
 }
 
@@ -134,13 +139,17 @@ def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Descriptio
     starter = describe_starter(paths[0], parts.lab, made)
     described = {*made, *(graph.path for source in sources for graph in source.stage.graphs)}
     described |= {sensor.path for sensor in parts.lab.sensors.values()}
-    files = _files(sources[-1], parts, steps, lab.platform)
+    props = _props(paths, parts, described)
+    described |= {*props.paths}
+    scene = {**parts.scene, **({"props": props.data} if props.data else {})}
+    files = _files(sources[-1], replace(parts, scene=scene), steps, lab.platform)
     return Description(
         files={**files, **({STARTER: starter.text} if starter.text else {})},
         steps=steps,
         left_out=(
             *(line for text in parts.texts for line in text.left_out),
             *parts.differing,
+            *props.left_out,
             *added_prims([source.stage for source in sources], parts.names.ids, described),
             *dict.fromkeys(parts.outside),
             *filter(None, (starter.reason,)),
@@ -201,6 +210,21 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     outside = tuple(_frames_outside(frames, lab))
     differing += changing
     return _Parts(texts, names, scene, frames, lab, outside, differing, optional)
+
+
+def _props(paths: Sequence[Path], parts: _Parts, described: Collection[str]) -> Props:
+    """Describe what stages add or change beside robots, and what is described already.
+
+    Raises:
+        StageError: a stage cannot be read.
+    """
+    rules, lab, ids = parts.lab.submission.starter, parts.lab, parts.names.ids[-len(paths) :]
+    without = {*described, *rules.ignored_prims, *(robot.path for robot in lab.scene.robots)}
+    things = {
+        id_: read_things(path, without, _UNSAID) for id_, path in zip(ids, paths, strict=True)
+    }
+    optional = [ids[number] for number in parts.optional]
+    return describe_props(things, optional, whole=not (lab.scene.robots or lab.graphs))
 
 
 def _is_whole(stage: StageModel, last: StageModel, graphs: Collection[GraphSpec]) -> bool:

@@ -8,11 +8,17 @@ from functools import cache
 from pathlib import Path
 
 from msgspec import Struct
-from pxr import Tf, Usd
+from pxr import Sdf, Tf, Usd
 
 from lab3_usd.stage.read.opening import open_stage
 
 _ALIKE = 0.85
+SHADER = "info:id"
+_TYPES = Sdf.ValueTypeNames
+_POSES = {  # as Isaac Sim's own editor writes them
+    **dict.fromkeys(("xformOp:translate", "xformOp:scale", "xformOp:rotateXYZ"), _TYPES.Double3),
+    "xformOp:orient": _TYPES.Quatd,
+}
 
 
 class Misnomer(Struct, frozen=True):
@@ -84,6 +90,25 @@ def likely_api(name: str) -> str | None:
 
 
 _OF_ISAAC = ("Physx", "Isaac", "Omni")
+
+
+def known_type(prim: Usd.Prim, name: str) -> Sdf.ValueTypeName | None:
+    """Return the type of an attribute by the schemas of a prim, or by the shader that it is."""
+    spec = prim.GetPrimDefinition().GetSchemaAttributeSpec(name)
+    if spec is not None:
+        return spec.typeName
+    if name.startswith(tuple(_POSES)):
+        return _POSES[":".join(name.split(":")[:2])]
+    shader = prim.GetAttribute(SHADER)
+    if not shader:
+        return None
+    from pxr import Sdr
+
+    node = Sdr.Registry().GetShaderNodeByIdentifier(shader.Get() or "")
+    place, _, port = name.partition(":")
+    find = {"inputs": "GetShaderInput", "outputs": "GetShaderOutput"}.get(place, "")
+    found = getattr(node, find)(port) if node and find else None
+    return found.GetTypeAsSdfType().GetSdfType() if found else None
 
 
 @cache

@@ -168,6 +168,7 @@ def _wrong_parts(name: str, spec: PropSpec, prim: Prim, subject: StageSubject) -
             hint=", and ".join(each.hint or each.way_at(prim.path) for each in together),
             fix=tuple(edit for each in together for edit in each.fix),
             unmet=tuple(_demand(name, each.part) for each in together) if is_error else (),
+            assumes=(("/", "metersPerUnit"),) if fault.part == _PLACE else (),
             rests_on=subject.stage.unknown(prim.path),
         )
 

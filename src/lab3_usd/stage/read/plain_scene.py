@@ -114,11 +114,17 @@ def _plain_prim(prim: Usd.Prim) -> PlainPrim:
         local=local_transform(prim)[0] if has_place else None,
         values=tuple(values),
         targets=tuple(
-            (relationship.GetName(), tuple(map(str, relationship.GetTargets())))
-            for relationship in prim.GetAuthoredRelationships()
-            if relationship.GetTargets()
+            (each.GetName(), tuple(map(str, paths)))
+            for each in prim.GetAuthoredProperties()
+            if (paths := _paths(each))
         ),
     )
+
+
+def _paths(each: Usd.Property) -> list[Sdf.Path]:
+    """Return what a relationship leads to, or an attribute is connected to."""
+    is_attribute = isinstance(each, Usd.Attribute)
+    return list(each.GetConnections() if is_attribute else each.GetTargets())
 
 
 def _written_type(attribute: Usd.Attribute) -> str:

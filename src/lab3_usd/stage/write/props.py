@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom
 from lab3_usd.spec.lab import SCENE, Checkpoint, Lab
 from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec
 from lab3_usd.spec.props import PlaceSpec, PropSpec
-from lab3_usd.stage.write.starter import known_type, write_prim
+from lab3_usd.stage.write.starter import connect_prim, write_prim
 
 _BINDING, _BINDING_API = "material:binding", "MaterialBindingAPI"
 _OPERATION, _TRANSLATE = "xformOp:", "xformOp:translate"
@@ -41,8 +41,7 @@ def author_props(
     for prop, prim in made:
         if prop.asset and prop.since == checkpoint.id:
             prim.GetReferences().AddReference(prop.asset)
-        for name, sources in prop.connections.items():
-            _connect(prim, name, sources)
+        connect_prim(stage, PrimSpec(str(prim.GetPath()), targets=tuple(prop.targets.items())))
         if prop.place is not None:
             _place(prim, prop.place, metres)
 
@@ -61,7 +60,7 @@ def _written(prop: PropSpec, stage: Usd.Stage, metres: float, site: str) -> Iter
             prop.type or (known.GetTypeName() if known else "Xform"),
             apis=(*prop.apis, _BINDING_API) if binds else prop.apis,
             attributes=attributes,
-            targets=tuple(prop.relationships.items()),
+            targets=tuple(prop.targets.items()),
             site=site,
         )
         write_prim(stage, spec, metres)
@@ -77,20 +76,6 @@ def _order_operations(prim: Usd.Prim, names: Iterable[str]) -> None:
         order = UsdGeom.Xformable(prim).GetXformOpOrderAttr()
         known = list(order.Get() or ())
         order.Set(known + [name for name in posed if name not in known])
-
-
-def _connect(prim: Usd.Prim, name: str, sources: Iterable[str]) -> None:
-    """Connect an attribute to outputs, which are made where their prims lack them."""
-    paths = [Sdf.Path(source) for source in sources]
-    ends = {path: prim.GetStage().GetPrimAtPath(path.GetPrimPath()) for path in paths}
-    kinds = [known_type(prim, name), *(known_type(ends[p], p.name) for p in paths if ends[p])]
-    kind = next(filter(None, kinds), Sdf.ValueTypeNames.Token)
-    for path, end in ends.items():
-        if end and not end.GetAttribute(path.name):
-            own = known_type(end, path.name) or kind
-            end.CreateAttribute(path.name, own, custom=False)
-    attribute = prim.GetAttribute(name) or prim.CreateAttribute(name, kind, custom=False)
-    attribute.SetConnections(paths)
 
 
 def _place(prim: Usd.Prim, place: PlaceSpec, metres: float) -> None:

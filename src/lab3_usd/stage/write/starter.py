@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from pathlib import Path
 
 from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
@@ -17,16 +17,16 @@ from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spe
 from lab3_usd.spec.scene import ArticulationSpec, RobotSpec
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.schema_names import likely_api, likely_property, likely_schema
+from lab3_usd.stage.schema_names import (
+    SHADER,
+    known_type,
+    likely_api,
+    likely_property,
+    likely_schema,
+)
 from lab3_usd.stage.write.graphs import quaternion, usd_value
 
 _BODY = "PhysicsRigidBodyAPI"
-_SHADER = "info:id"
-_TYPES = Sdf.ValueTypeNames
-_POSES = {  # as Isaac Sim's own editor writes them
-    **dict.fromkeys(("xformOp:translate", "xformOp:scale", "xformOp:rotateXYZ"), _TYPES.Double3),
-    "xformOp:orient": _TYPES.Quatd,
-}
 _SHOWN = 3  # prims that have the name of a missing one
 _SUFFIX = ".usda"
 
@@ -187,6 +187,8 @@ def starter_layer(folder: Path) -> Sdf.Layer:
     for prim in spec.prims:
         write_prim(stage, prim, spec.units.meters_per_unit)
     for prim in spec.prims:
+        connect_prim(stage, prim)
+    for prim in spec.prims:
         if prim.over:
             # Defining a shape has defined everything above it.
             stage.GetPrimAtPath(prim.path).SetSpecifier(Sdf.SpecifierOver)
@@ -213,15 +215,40 @@ def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
         xform.AddTranslateOp(double).Set(Gf.Vec3d(spec.pose.translate) / metres)
         xform.AddOrientOp(double).Set(quaternion(spec.pose.rotate))
         xform.AddScaleOp(double).Set(Gf.Vec3d(spec.pose.scale))
-    for attribute in sorted(spec.attributes, key=lambda each: each.name != _SHADER):
+    for attribute in sorted(spec.attributes, key=lambda each: each.name != SHADER):
         _write_attribute(prim, attribute, spec.site)
     for name, paths in spec.targets:
-        prim.CreateRelationship(name, custom=False).SetTargets([Sdf.Path(path) for path in paths])
+        if not _are_properties(paths):
+            targets = [Sdf.Path(path) for path in paths]
+            prim.CreateRelationship(name, custom=False).SetTargets(targets)
     if prim.IsA(UsdGeom.Boundable):  # how far it reaches, which readers would have to work out
         boundable = UsdGeom.Boundable(prim)
         extent = UsdGeom.Boundable.ComputeExtentFromPlugins(boundable, Usd.TimeCode.Default())
         if extent:
             boundable.CreateExtentAttr([corner + Gf.Vec3f(0.0) for corner in extent])
+
+
+def _are_properties(paths: Iterable[str]) -> bool:
+    return any("." in path for path in paths)
+
+
+def connect_prim(stage: Usd.Stage, spec: PrimSpec) -> None:
+    """Connect attributes of a prim to outputs, which are made where their prims lack them."""
+    prim = stage.GetPrimAtPath(spec.path)
+    for name, targets in ((n, paths) for n, paths in spec.targets if _are_properties(paths)):
+        paths = [Sdf.Path(target) for target in targets]
+        ends = {path: stage.GetPrimAtPath(path.GetPrimPath()) for path in paths}
+        kinds = [
+            known_type(prim, name),
+            *(known_type(end, p.name) for p, end in ends.items() if end),
+        ]
+        kind = next(filter(None, kinds), Sdf.ValueTypeNames.Token)
+        for path, end in ends.items():
+            if end and not end.GetAttribute(path.name):
+                own = known_type(end, path.name) or kind
+                end.CreateAttribute(path.name, own, custom=False)
+        attribute = prim.GetAttribute(name) or prim.CreateAttribute(name, kind, custom=False)
+        attribute.SetConnections(paths)
 
 
 def _write_attribute(prim: Usd.Prim, spec: AttributeSpec, place: str) -> None:
@@ -249,25 +276,6 @@ def _write_attribute(prim: Usd.Prim, spec: AttributeSpec, place: str) -> None:
         raise SpecError(
             f"{site} is {spec.value!r}, expected a {attribute.GetTypeName()}"
         ) from error
-
-
-def known_type(prim: Usd.Prim, name: str) -> Sdf.ValueTypeName | None:
-    """Return the type of an attribute by the schemas of a prim, or by the shader that it is."""
-    spec = prim.GetPrimDefinition().GetSchemaAttributeSpec(name)
-    if spec is not None:
-        return spec.typeName
-    if name.startswith(tuple(_POSES)):
-        return _POSES[":".join(name.split(":")[:2])]
-    shader = prim.GetAttribute(_SHADER)
-    if not shader:
-        return None
-    from pxr import Sdr
-
-    node = Sdr.Registry().GetShaderNodeByIdentifier(shader.Get() or "")
-    place, _, port = name.partition(":")
-    find = {"inputs": "GetShaderInput", "outputs": "GetShaderOutput"}.get(place, "")
-    found = getattr(node, find)(port) if node and find else None
-    return found.GetTypeAsSdfType().GetSdfType() if found else None
 
 
 def _advice(prim: Usd.Prim, name: str) -> str:

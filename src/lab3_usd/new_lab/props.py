@@ -1,0 +1,256 @@
+"""Describes the things of a scene that stages add or change, in the form of `props`."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Collection, Mapping, Sequence
+from typing import Any
+
+from msgspec import Struct
+
+from lab3_usd.model.prims import upwards
+from lab3_usd.model.stage import same_value
+from lab3_usd.new_lab.robot import PART
+from lab3_usd.new_lab.yaml_text import as_typed
+from lab3_usd.spec.lab import SCENE
+from lab3_usd.stage.things import Thing
+
+_PLAIN = ("", "Xform", "Scope")
+_ABOVE = re.compile(r"^(\.{0,2}/)+")  # of a path, which is not the same for everybody
+_NUMBER = re.compile(r"\d+$")
+_BODY = "PhysicsRigidBodyAPI"
+_BINDING_API = "MaterialBindingAPI"  # which comes with each binding
+_DIGITS = 6  # of metres
+
+
+class Props(Struct, frozen=True):
+    """The things by name, what they are at, and what could not be said of them."""
+
+    data: dict[str, dict[str, Any]]
+    paths: tuple[str, ...] = ()
+    left_out: tuple[str, ...] = ()
+
+
+def describe_props(
+    stages: Mapping[str, Mapping[str, Thing]], optional: Collection[str], *, whole: bool
+) -> Props:
+    """Describe the things of stages, which are those of each checkpoint in their order.
+
+    Of the first stage they are described where the `whole` scene is a student's, else those that
+    change. `optional` are the checkpoints on which no later one builds.
+    """
+    ids = [*stages]
+    left_out: list[str] = []
+    described: dict[tuple[str, str], dict[str, Any]] = {}  # by path, and the checkpoint it is from
+    for path in dict.fromkeys(path for things in stages.values() for path in things):
+        there = [id_ for id_ in ids if path in stages[id_]]
+        built_on = [id_ for id_ in there if id_ not in optional] or there[:1]
+        states = {id_: _state(stages[id_][path]) for id_ in built_on}
+        is_first = built_on[0] == ids[0]
+        if built_on[-1] != ids[-1] and not is_first and built_on[0] not in optional:
+            left_out.append(f"{SCENE}: props: {path} comes with {built_on[0]}, and goes later")
+            continue
+        for since, own in _by_start(states).items():
+            is_supplied = is_first and since == ids[0]
+            data = _described(path, own, left_out, only_changes=is_supplied and not whole)
+            if data:
+                start = {} if is_supplied else {"from": since}
+                described[path, since] = {**data, **start}
+    paths = {path for things in stages.values() for path in things}
+    known = {path for path, _ in described}
+    holders = {above for path in known for above in upwards(path)} & paths
+    data = _named(_grouped(described, paths), first=ids[0])
+    return Props(data, tuple(known | holders), tuple(dict.fromkeys(left_out)))
+
+
+_LISTED = ("apis", "set", "targets", "place")  # which a later checkpoint may add to a thing
+
+
+def _state(thing: Thing) -> dict[str, Any]:
+    """Return what a thing is, by part and name."""
+    is_plain = thing.type in _PLAIN and not thing.assets
+    values = {
+        name: as_typed(value) if not kind else {"type": kind, "value": as_typed(value)}
+        for name, (kind, value) in thing.values.items()
+    }
+    apis = {api: True for api in thing.apis if api != _BINDING_API}
+    place = None if thing.place is None or _BODY in apis or is_plain else thing.place
+    asset = _ABOVE.sub("", next(iter(thing.assets), ""))
+    state = {
+        "apis": apis,
+        "set": values,
+        "targets": {name: list(paths) for name, paths in thing.targets.items() if paths},
+        "place": _place(place),
+    }
+    is_said = not is_plain or any(state.values())
+    whole = {
+        "type": thing.type,
+        **state,
+        "asset": asset,
+        "resolved": thing.resolved and asset != "",
+    }
+    return whole if is_said else {}
+
+
+def _by_start(states: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, dict[str, Any]]]:
+    """Return the states of a thing with the parts that it has from a checkpoint on, by that one."""
+    ids = [*states]
+    final = states[ids[-1]]
+    starts: dict[tuple[str, str], str] = {}
+    for key in _LISTED:
+        for name in final.get(key, {}):
+            lacking = [n for n, id_ in enumerate(ids) if name not in states[id_].get(key, {})]
+            starts[key, name] = ids[lacking[-1] + 1 if lacking else 0]
+    found = {}
+    for number, start in enumerate(ids):
+        if number and start not in starts.values():
+            continue
+        found[start] = {
+            id_: {
+                **(
+                    {key: state.get(key) for key in ("type", "asset", "resolved")}
+                    if not number
+                    else {}
+                ),
+                **{
+                    key: {
+                        n: v for n, v in state.get(key, {}).items() if starts.get((key, n)) == start
+                    }
+                    for key in _LISTED
+                },
+            }
+            for id_, state in [*states.items()][number:]
+        }
+    return found
+
+
+def _place(origin: Sequence[float] | None) -> dict[str, float]:
+    if origin is None:
+        return {}
+    axes = zip("xyz", origin, strict=True)
+    return {axis: as_typed(round(value, _DIGITS) + 0.0) for axis, value in axes}
+
+
+def _described(
+    path: str, states: Mapping[str, dict[str, Any]], left_out: list[str], *, only_changes: bool
+) -> dict[str, Any]:
+    """Return a thing as it is in the last of its stages, with what earlier ones have otherwise."""
+    *before, last = states
+    final = states[last]
+    for key in ("type", "asset"):
+        if any(states[id_].get(key) != final.get(key) for id_ in before):
+            left_out.append(f"{SCENE}: props: {path}: {key} differs between checkpoints")
+            final = {**final, key: ""}
+    changed = {
+        (key, name)
+        for key in _VALUES
+        for name, value in final[key].items()
+        if not all(_same(states[id_][key].get(name), value) for id_ in before)
+    }
+    until = {}
+    for number, id_ in enumerate(before):
+        own, after = (
+            _changing(states[each], changed) for each in (id_, (*before, last)[number + 1])
+        )
+        if own != after:
+            until[id_] = own
+    if only_changes:
+        if not changed:
+            return {}
+        final = {"type": final.get("type"), **_changing(final, changed)}
+    elif not any(value for key, value in final.items()):
+        return {}
+    data = {key: [*value] if key == "apis" else value for key, value in final.items() if value}
+    return {**data, **({"until": until} if until else {})}
+
+
+_VALUES = ("set", "targets", "place")
+
+
+def _changing(state: Mapping[str, Any], changed: Collection[tuple[str, str]]) -> dict[str, Any]:
+    """Return the values of a thing that are not the same at all checkpoints; a place is whole."""
+    moved = {key for key, _ in changed} & {"place"}
+    found = {
+        key: {n: v for n, v in state[key].items() if (key, n) in changed or key in moved}
+        for key in _VALUES
+    }
+    return {key: value for key, value in found.items() if value}
+
+
+def _same(first: Any, second: Any) -> bool:
+    if isinstance(first, dict) and isinstance(second, dict):
+        return first.keys() == second.keys() and all(_same(first[k], second[k]) for k in first)
+    return same_value(*(tuple(x) if isinstance(x, list) else x for x in (first, second)))
+
+
+def _grouped(
+    described: Mapping[tuple[str, str], dict[str, Any]], paths: Collection[str]
+) -> dict[tuple[str, str], dict[str, Any]]:
+    """Return equal things whose names differ by their numbers as one with a `*` and a count.
+
+    Where one stands is not told of several.
+    """
+    whole: dict[str, dict[str, Any]] = {}  # of each path, by checkpoint
+    for (path, since), data in described.items():
+        whole.setdefault(path, {})[since] = _of_group(data)
+    patterns = {"": ""}  # of each path, what it is written as
+    for level in _levels(paths):
+        twins: dict[tuple[str, str], list[str]] = {}
+        for path in level:
+            parent, _, name = path.rpartition("/")
+            above = patterns.get(parent, parent)
+            twins.setdefault((above, _NUMBER.sub("*", name)), []).append(path)
+        for (above, stem), members in twins.items():
+            states = [whole.get(path) for path in members]
+            is_group = len(members) > 1 and all(state == states[0] for state in states)
+            for path in members:
+                name = stem if is_group else path.rpartition("/")[2]
+                patterns[path] = f"{above}/{name}" if is_group or "*" not in above else path
+    groups: dict[tuple[str, str], list[str]] = {}
+    for path, since in described:
+        groups.setdefault((patterns[path], since), []).append(path)
+    found = {}
+    for (pattern, since), members in groups.items():
+        data = dict(described[members[0], since])
+        if members[1:]:
+            counted = {"count": len(members)} if "type" in data else {}
+            data = {**_of_group(data), **counted}
+        found[pattern, since] = data
+    return found
+
+
+def _levels(paths: Collection[str]) -> list[list[str]]:
+    """Return the paths by their depth, parents first."""
+    depths: dict[int, list[str]] = {}
+    for path in paths:
+        depths.setdefault(path.count("/"), []).append(path)
+    return [sorted(depths[depth]) for depth in sorted(depths)]
+
+
+def _of_group(data: Mapping[str, Any]) -> dict[str, Any]:
+    kept = {key: value for key, value in data.items() if key != "place"}
+    until = {
+        id_: values
+        for id_, each in kept.pop("until", {}).items()
+        if (values := {key: value for key, value in each.items() if key != "place"})
+    }
+    return {**kept, **({"until": until} if until else {})}
+
+
+def _named(
+    things: Mapping[tuple[str, str], dict[str, Any]], first: str
+) -> dict[str, dict[str, Any]]:
+    """Return the things by names of their own, with their paths."""
+    named: dict[str, dict[str, Any]] = {}
+    for (path, since), data in things.items():
+        words = [_words(part) for part in path.split("/")[1:]]
+        later = "" if "type" in data or since == first else f" at {since}"
+        names = [" ".join(words[start:]) + later for start in reversed(range(len(words)))]
+        name = next((name for name in names if name not in named), path + later)
+        named[name] = {"path": path, **data, "handout": PART}
+    return named
+
+
+def _words(name: str) -> str:
+    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.replace("*", ""))
+    return " ".join(filter(None, text.lower().split("_"))) or "thing"
