@@ -27,9 +27,13 @@ def reasons(lost: Iterable[Deduction]) -> list[LostPoints]:
     told = [_of_one_fault(group) for group in lines.values()]
     points = round(sum(line.points for line in again), 2)
     if again:
-        told.append(
-            LostPoints(points, "carried over from earlier parts", below=tuple(map(_carried, again)))
+        below = tuple(
+            LostPoints(
+                line.points, f"{line.again}: {line.found or line.title}", line.rule, line.place
+            )
+            for line in again
         )
+        told.append(LostPoints(points, "carried over from earlier parts", below=below))
     return told
 
 
@@ -44,11 +48,6 @@ def _of_one_fault(group: Sequence[Deduction]) -> LostPoints:
     if others:
         text += f" ({others} more {'requirement' if others == 1 else 'requirements'} not met by it)"
     return LostPoints(points, text, first.rule, first.place)
-
-
-def _carried(line: Deduction) -> LostPoints:
-    text = line.found or line.title
-    return LostPoints(line.points, f"{line.again}: {text}", line.rule, line.place)
 
 
 def carried_text(lost: Iterable[Deduction]) -> str:

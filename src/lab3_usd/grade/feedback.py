@@ -113,17 +113,14 @@ def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> R
         cells: list[str] = []
         for item in row["items"]:
             is_open = item["state"] in {"open", "blocked"}
-            cells += ["" if is_open else f"{item['earned']:g}", _comment(row, item["id"]), ""]
+            told = [line.text for line in lost_by(dict(row), item["id"]) if line.is_shown]
+            lines = [visible(part) for text in told for part in text.splitlines()]
+            # The comment begins with a word, since a sign would be a formula.
+            comment = "\n".join(["Points:", *lines])[:CELL_LIMIT] if lines else ""
+            cells += ["" if is_open else f"{item['earned']:g}", comment, ""]
         table.writerow([number, *cells])
     write_whole(path, text.getvalue().encode(), force=True)
     return Returned(path, len(known))
-
-
-def _comment(row: Mapping[str, Any], item: str) -> str:
-    """Return why an item lost points; it begins with a word, since a sign would be a formula."""
-    told = [line.text for line in lost_by(dict(row), item) if line.is_shown]
-    lines = [visible(part) for text in told for part in text.splitlines()]
-    return "\n".join(["Points:", *lines])[:CELL_LIMIT] if lines else ""
 
 
 def _blackboard(_out: Path, export: FilledExport, _book: Mapping[str, Any]) -> Iterator[Returned]:

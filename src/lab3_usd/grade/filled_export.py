@@ -152,20 +152,17 @@ def decision_lines(export: FilledExport) -> Iterator[str]:
     for decision in export.decisions:
         by_outcome[decision.outcome].append(decision)
     for outcome, title in _TITLES.items():
-        found = by_outcome[outcome]
-        yield f"{len(found):>5} {title}{':' if found else ''}"
-        lines = [_cells(decision) for decision in found]
+        decisions = by_outcome[outcome]
+        yield f"{len(decisions):>5} {title}{':' if decisions else ''}"
+        lines: list[list[str]] = []
+        for decision in decisions:
+            change = " -> ".join(filter(None, (decision.before, decision.after)))
+            cells = (decision.row, change, decision.submission, decision.why)
+            lines.append([printable(cell) for cell in cells])
         widths = [max((len(line[place]) for line in lines), default=0) for place in range(3)]
         for line in lines:
             padded = [cell.ljust(width) for cell, width in zip(line, widths, strict=False)]
             yield f"        {'  '.join([*(cell for cell in padded if cell), line[3]])}".rstrip()
-
-
-def _cells(decision: Decision) -> tuple[str, str, str, str]:
-    """Return what a line of the table shows: who, from and to, which submission, why."""
-    points = " -> ".join(filter(None, (decision.before, decision.after)))
-    cells = (decision.row, points, decision.submission, decision.why)
-    return (printable(cells[0]), printable(cells[1]), printable(cells[2]), printable(cells[3]))
 
 
 def _decided(
@@ -308,26 +305,25 @@ def _rows_called(value: str, heading: str, roster: Roster, path: Path) -> list[R
     key = id_key(value)
     columns = [place for place, own in enumerate(roster.table.headings) if own == heading]
     if columns:
-        found = [
+        rows = [
             row for row in roster.rows if id_key(roster.table.value(row.line, columns[0])) == key
         ]
     else:
-        found = [row for row in roster.rows if key in _ids_of(row)]
-        found = found or [row for row in roster.rows if name_keys(value) & row.names]
+        rows = [
+            row
+            for row in roster.rows
+            if key in row.ids.values()  # or after the word that Moodle puts before its number
+            or (row.word and key == id_key(f"{row.word} {row.ids.get(MOODLE_NUMBER, '')}"))
+        ]
+        rows = rows or [row for row in roster.rows if name_keys(value) & row.names]
     if not key:
         return []
-    if len(found) > 1:
-        labels = ", ".join(row.label for row in found)
+    if len(rows) > 1:
+        labels = ", ".join(row.label for row in rows)
         raise UsageError(
             f"{path}: '{value}' may be {labels}; head the column of the ids as the export does"
         )
-    return found
-
-
-def _ids_of(row: RosterRow) -> set[str]:
-    """Return the ids of a row, with the word that Moodle puts before its number."""
-    number = row.ids.get(MOODLE_NUMBER, "")
-    return {*row.ids.values(), *([id_key(f"{row.word} {number}")] if row.word else [])}
+    return rows
 
 
 def _github_pairs(

@@ -46,7 +46,8 @@ def locked(out: Path, *, force: bool = False) -> Iterator[None]:
     is_new = not out.exists()
     try:
         out.mkdir(parents=True, exist_ok=True)
-        handle = _opened(out / LOCK)
+        flags = os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0)
+        handle = os.open(out / LOCK, flags, 0o644)
     except OSError as error:
         raise unwritten(out, error) from error
     try:
@@ -66,10 +67,6 @@ def locked(out: Path, *, force: bool = False) -> Iterator[None]:
                     out.rmdir()
     finally:
         os.close(handle)
-
-
-def _opened(path: Path) -> int:
-    return os.open(path, os.O_RDWR | os.O_CREAT | getattr(os, "O_NOFOLLOW", 0), 0o644)
 
 
 def _take(handle: int, out: Path, *, force: bool) -> None:

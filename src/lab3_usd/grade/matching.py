@@ -183,14 +183,16 @@ def _claims(submission: GradedSubmission, index: _Index, platform: str) -> Itera
 
 def _rows_of(person: Person, index: _Index) -> tuple[tuple[RosterRow, ...], str]:
     """Return the rows that may be a person's, and a remark about them."""
-    found = {
+    keys = {kind: id_key(value) for kind, value in person.ids.items()}
+    by_line = {
         row.line: row
-        for kind, value in person.ids.items()
-        for row in index.by_id[kind, id_key(value)]
-        if (kind not in _WITH_NAME or _has_name(person, row)) and not _differs(person, row)
+        for kind, key in keys.items()
+        for row in index.by_id[kind, key]
+        if (kind not in _WITH_NAME or _has_name(person, row))
+        and all(row.ids.get(each, own) == own for each, own in keys.items())
     }
-    if found:
-        rows = tuple(found.values())
+    if by_line:
+        rows = tuple(by_line.values())
         is_group = CANVAS_USER in person.ids and len(rows) == 1 and not _has_name(person, rows[0])
         remark = f"represents '{person.name}'" if is_group and name_key(person.name) else ""
         return rows, remark
@@ -200,13 +202,6 @@ def _rows_of(person: Person, index: _Index) -> tuple[tuple[RosterRow, ...], str]
 
 def _has_name(person: Person, row: RosterRow) -> bool:
     return bool(name_keys(person.name) & row.names)
-
-
-def _differs(person: Person, row: RosterRow) -> bool:
-    """Whether a row has another id of a kind that the person has."""
-    return any(
-        row.ids.get(kind, id_key(value)) != id_key(value) for kind, value in person.ids.items()
-    )
 
 
 def _near_miss(person: Person, index: _Index) -> str:

@@ -204,13 +204,12 @@ def regrade(
             )
             for row, facts in rows
         ]
-        write_tables(out, [_submission(row) for row, _ in rows], rubric)
+        submissions = [  # what was handed in is not needed again
+            StudentSubmission(row["student"], row["name"], row["folder"], (), row["late"])
+            for row, _ in rows
+        ]
+        write_tables(out, submissions, rubric)
     return Regrade(tuple(grade for grade in grades if grade.changes), decisions.dropped)
-
-
-def _submission(row: Row) -> StudentSubmission:
-    """Return whose a result is; what was handed in is not needed again."""
-    return StudentSubmission(row["student"], row["name"], row["folder"], (), row["late"])
 
 
 def _recorded(out: Path, student: Row) -> tuple[Row, SubmissionFacts]:

@@ -152,6 +152,8 @@ def read_roster(
     else:
         points, maximum = _points_column(platform, table, path, column or title)
     people = _people(platform, table, places, points)
+    cells = [cell.value.strip() for row in table.rows for cell in row]
+    decimal_signs = {re.sub(r"\d", "", cell) for cell in cells if re.fullmatch(r"\d+[.,]\d+", cell)}
     return Roster(
         name,
         path,
@@ -161,7 +163,7 @@ def read_roster(
         headings[points],
         maximum,
         places.get(platform.comment.casefold(), -1) if platform.comment else -1,
-        _has_decimal_commas(table),
+        decimal_signs == {","},
     )
 
 
@@ -244,24 +246,23 @@ def _translated_worksheet(table: TextTable, teams: Collection[str]) -> dict[str,
         for column in range(2, len(table.headings))
         if len({number_in(table.value(row, column)) for row in lines}) == 1
         and number_in(table.value(lines[0], column))
-        and all(_is_open(table.value(row, column - 1)) for row in lines)
+        and all(
+            cell.strip() in {"", "-"} or number_in(cell) is not None
+            for cell in (table.value(row, column - 1) for row in lines)
+        )
     ]
     if len(maxima) != 1:
         return {"identifier": 0}
     (maximum,) = maxima
-    known = {name_key(team) for team in teams}
+    team_names = {name_key(team) for team in teams}
     groups = [
         column
         for column in range(2, maximum - 1)
-        if any(name_key(table.value(row, column)) in known for row in lines)
+        if any(name_key(table.value(row, column)) in team_names for row in lines)
     ]
     group = {"group": groups[0]} if len(groups) == 1 else {}
     named = {"full name": 1} if maximum > 2 else {}  # noqa: PLR2004 - number, name, grade
     return {"identifier": 0, "grade": maximum - 1, _MAXIMUM.casefold(): maximum, **named, **group}
-
-
-def _is_open(cell: str) -> bool:
-    return cell.strip() in {"", "-"} or number_in(cell) is not None
 
 
 def _identifier(cell: str) -> tuple[str, str]:
@@ -311,10 +312,3 @@ def _people(
             table.value(line, points),
             word,
         )
-
-
-def _has_decimal_commas(table: TextTable) -> bool:
-    """Whether the numbers of the export have a comma, and none has a point."""
-    cells = [cell.value.strip() for row in table.rows for cell in row]
-    signs = {"," if "," in cell else "." for cell in cells if re.fullmatch(r"\d+[.,]\d+", cell)}
-    return signs == {","}

@@ -128,13 +128,19 @@ def facts_of(
     stages = _by_checkpoint(results)
     of_files = [_fault(finding) for finding in findings if finding.severity == "error"]
     paths = {result.path for result in stages.values()}
+    met = {
+        number: {requirement.id for requirement in result.requirements if requirement.met}
+        for number, result in stages.items()
+    }
     return SubmissionFacts(
         stages=tuple(
             StageFacts(
                 checkpoint=number,
                 path=result.path,
                 readable=result.verdict != "unreadable",
-                unmet=_unmet(result, required.get(number, ())),
+                unmet=tuple(
+                    each.id for each in required.get(number, ()) if each.id not in met[number]
+                ),
                 slight=tuple(item.id for item in result.requirements if item.slight),
                 faults=(
                     *(_fault(found) for found in result.findings if found.severity == "error"),
@@ -164,11 +170,6 @@ def _by_checkpoint(results: Iterable[StageResult]) -> dict[str, StageResult]:
     for result in sorted(results, key=order):
         kept.setdefault(result.checkpoint or "", result)
     return kept
-
-
-def _unmet(result: StageResult, required: Iterable[Requirement]) -> tuple[str, ...]:
-    met = {requirement.id for requirement in result.requirements if requirement.met}
-    return tuple(requirement.id for requirement in required if requirement.id not in met)
 
 
 def _fault(finding: Finding) -> Fault:
@@ -296,7 +297,11 @@ def _by_stage(
     if stage is None or not stage.readable:
         state: State = "missing" if stage is None else "unreadable"
         name = f"checkpoint {item.checkpoint}"
-        named = [fault for fault in facts.faults if _is_of(fault, item.checkpoint, rubric)]
+        named = [
+            fault
+            for fault in facts.faults  # of files that are called as the stage
+            if named_checkpoint(fault.place.rpartition("/")[2], rubric.files) == item.checkpoint
+        ]
         causes = named[-1:] if stage is None else stage.faults[:1]  # what is said last says why
         rule, place = (causes[0].rule, causes[0].place) if causes else ("", "")
         loss = _Loss(1.0, f"{name} is {state}", name, rule, place)
@@ -309,11 +314,6 @@ def _by_stage(
     earned = _cents(item.points * _kept(item, losses), item.points)
     state = "full" if not losses else "part" if earned else "none"
     return ItemGrade(item.id, state, earned, item.points), losses
-
-
-def _is_of(fault: Fault, checkpoint: str, rubric: Rubric) -> bool:
-    """Whether an error is about a file that is called as the stage of a checkpoint."""
-    return named_checkpoint(fault.place.rpartition("/")[2], rubric.files) == checkpoint
 
 
 def _kept(item: Item, losses: Sequence[_Loss]) -> float:

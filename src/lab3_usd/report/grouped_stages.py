@@ -210,14 +210,16 @@ def _stages(
             title="" if checkpoint is None else checkpoint.title,
             file=file,
             result=result,
-            parts=tuple(_part(name, group) for name, group in groups.items()),
+            parts=tuple(
+                Part(
+                    name,
+                    met=sum(each.met for each in group if each.judged),
+                    asked=len(group),
+                    not_judged=sum(not each.judged for each in group),
+                )
+                for name, group in groups.items()
+            ),
         )
-
-
-def _part(name: str, group: Sequence[Requirement]) -> Part:
-    not_judged = sum(not requirement.judged for requirement in group)
-    met = sum(requirement.met for requirement in group if requirement.judged)
-    return Part(name, met, len(group), not_judged)
 
 
 class Spot(Struct, frozen=True):

@@ -80,7 +80,10 @@ def construct(kind: Class, given: Arguments, run: Run, node: ast.AST) -> Value:
         method = Function(start[0].node, start[0].scope, made, start[1], start[0].defaults)
         call_function(method, given, run, node)
         return made
-    names = [name for base in reversed([*kind.lines()]) for name in _fields(base)]
+    bodies = (line for base in reversed([*kind.lines()]) for line in base.node.body)
+    # Names that a class only declares or gives a default are its fields, as in data classes.
+    targets = (line.target for line in bodies if isinstance(line, ast.AnnAssign))
+    names = [target.id for target in targets if isinstance(target, ast.Name)]
     for number, name in enumerate(dict.fromkeys(names)):
         if given.has(number, name):
             made.attributes[name] = given.get(number, name)
@@ -91,12 +94,6 @@ def construct(kind: Class, given: Arguments, run: Run, node: ast.AST) -> Value:
         method = Function(after[0].node, after[0].scope, made, after[1], after[0].defaults)
         call_function(method, Arguments([], {}), run, node)
     return made
-
-
-def _fields(kind: Class) -> list[str]:
-    """Return the names that a class only declares or gives a default, as data classes do."""
-    targets = (each.target for each in kind.node.body if isinstance(each, ast.AnnAssign))
-    return [target.id for target in targets if isinstance(target, ast.Name)]
 
 
 def call_function(function: Function, given: Arguments, run: Run, node: ast.AST) -> Value:

@@ -76,10 +76,6 @@ def _name(node: ast.Name, scope: Scope, _run: Run) -> Value:
     return Unknown(node.id, node.lineno)
 
 
-def _attribute(node: ast.Attribute, scope: Scope, run: Run) -> Value:
-    return attribute_of(evaluate(node.value, scope, run), node, run)
-
-
 def _joined_text(node: ast.JoinedStr, scope: Scope, run: Run) -> Value:
     at = place(node)
     parts = []
@@ -287,10 +283,6 @@ def _call(node: ast.Call, scope: Scope, run: Run) -> Value:
     return run.call_value(function, Arguments(given, named, is_open=is_open), node, scope)
 
 
-def _lambda(node: ast.Lambda, scope: Scope, _run: Run) -> Value:
-    return Function(node, scope)
-
-
 def _comprehension(
     node: ast.ListComp | ast.SetComp | ast.GeneratorExp, scope: Scope, run: Run
 ) -> Value:
@@ -337,10 +329,6 @@ def _rounds(
         yield from _rounds(rest, inner, run, made)
 
 
-def _awaited(node: ast.Await, scope: Scope, run: Run) -> Value:
-    return evaluate(node.value, scope, run)
-
-
 def _named(node: ast.NamedExpr, scope: Scope, run: Run) -> Value:
     value = evaluate(node.value, scope, run)
     scope.set(node.target.id, value)
@@ -360,7 +348,9 @@ def _yield(node: ast.Yield, scope: Scope, run: Run) -> Value:
 _HANDLERS: dict[type[ast.AST], Callable[[Any, Scope, Run], Value]] = {
     ast.Constant: _constant,
     ast.Name: _name,
-    ast.Attribute: _attribute,
+    ast.Attribute: lambda node, scope, run: attribute_of(
+        evaluate(node.value, scope, run), node, run
+    ),
     ast.JoinedStr: _joined_text,
     ast.List: _list,
     ast.Tuple: _list,
@@ -373,12 +363,12 @@ _HANDLERS: dict[type[ast.AST], Callable[[Any, Scope, Run], Value]] = {
     ast.IfExp: _choice,
     ast.Subscript: _subscript,
     ast.Call: _call,
-    ast.Lambda: _lambda,
+    ast.Lambda: lambda node, scope, _run: Function(node, scope),
     ast.ListComp: _comprehension,
     ast.SetComp: _comprehension,
     ast.GeneratorExp: _comprehension,
     ast.DictComp: _table_comprehension,
-    ast.Await: _awaited,
+    ast.Await: lambda node, scope, run: evaluate(node.value, scope, run),
     ast.NamedExpr: _named,
     ast.Yield: _yield,
 }

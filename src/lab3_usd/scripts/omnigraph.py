@@ -290,11 +290,6 @@ def _promote_inner(act: Edit, compound: BuiltNode, item: Value) -> None:
         compound.port(full).promoted.add(f"{inner.path}.{port}")
 
 
-def _promote(act: Edit, item: Value) -> None:
-    """Promote in a graph of no compound, which changes no wire."""
-    del act, item
-
-
 def _delete_node(act: Edit, item: Value) -> None:
     at = _at(item, act)
     shown = item.path if isinstance(item, NodeHandle) else as_text(item, at).text
@@ -470,6 +465,6 @@ _COMMANDS: dict[str, Callable[[Edit, Value], BuiltNode | None]] = {
     "connect": _of_pair(connect),
     "disconnect": _of_pair(disconnect),
     "disconnect_all": _disconnect_all,
-    "promote_attributes": _promote,
+    "promote_attributes": lambda _act, _item: None,  # outside of a compound it changes no wire
     "set_values": _of_pair(set_value),
 }

@@ -118,33 +118,25 @@ def read_script(
     if not is_candidate(path, platform.building.module):
         return None
     source = read_source(path)
-    graphs = _graphs_of(scene)
-    found = in_deep_thread(lambda: list(ways(parse(source), platform.building, graphs)))
+    graphs = () if scene is None else scene.graphs
+    nodes = {node.path: node for graph in graphs for node in graph.nodes}
+    there = SceneGraphs(frozenset(graph.path for graph in graphs), nodes)
+    starts = in_deep_thread(lambda: list(ways(parse(source), platform.building, there)))
     stages: list[BuiltStage] = []
     stopped: set[int] = set()
-    for number, alternatives in enumerate(found):
+    for number, alternatives in enumerate(starts):
         for way in alternatives:
             if way.stopped:
                 stopped.add(source.line(way.stopped))
             stages += (
                 BuiltStage(modelled(world, platform, scene), world, number)
                 for world in way.worlds
-                if _is_built(world)
+                if (world.nodes or world.changed or world.removed or world.faults)
+                or any(graph.is_ours for graph in world.graphs.values())
             )
     if not stages and not stopped:
         return None
     return ReadScript(source, tuple(stages), tuple(sorted(stopped)))
-
-
-def _graphs_of(scene: StageModel | None) -> SceneGraphs:
-    graphs = () if scene is None else scene.graphs
-    nodes = {node.path: node for graph in graphs for node in graph.nodes}
-    return SceneGraphs(frozenset(graph.path for graph in graphs), nodes)
-
-
-def _is_built(world: World) -> bool:
-    is_ours = any(graph.is_ours for graph in world.graphs.values())
-    return bool(world.nodes or world.changed or world.removed or world.faults or is_ours)
 
 
 def in_deep_thread(function: Callable[[], _T]) -> _T:

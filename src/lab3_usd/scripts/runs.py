@@ -94,7 +94,7 @@ def _follow(tree: ast.Module, start: Start, run: Run) -> Way:
         execute(tree.body, scope, run)
         if start.name:
             run.world = World(run.world.scene)
-            _enter(start, scope, run, tree)
+            _enter(start, scope, run)
         for function in run.inner:
             if id(function.node) not in run.entered and _builds(function.node, run.builders):
                 call_function(function, Arguments([], {}), run, function.node)
@@ -105,7 +105,7 @@ def _follow(tree: ast.Module, start: Start, run: Run) -> Way:
     return Way(start, (*run.world.past, run.world), stopped)
 
 
-def _enter(start: Start, scope: Scope, run: Run, tree: ast.Module) -> None:
+def _enter(start: Start, scope: Scope, run: Run) -> None:
     """Call the function or method of a start."""
     if not start.owner:
         function = scope.names.get(start.name)
@@ -117,35 +117,30 @@ def _enter(start: Start, scope: Scope, run: Run, tree: ast.Module) -> None:
         return
     own = construct(kind, Arguments([], {}), run, kind.node)
     run.inner.clear()
-    names = [*(_FIRST if start.name.startswith("test") else ()), start.name]
-    for name in names:
-        found = kind.find(name)
-        if found is not None and isinstance(found[0], Function) and (name != "__init__"):
-            given: Value = own
-            if _is_static(found[0]):
-                given = None
-            method = Function(found[0].node, found[0].scope, given, found[1], found[0].defaults)
-            call_function(method, Arguments([], {}), run, found[0].node)
-    del tree
-
-
-def _is_static(function: Function) -> bool:
-    code = function.node
-    decorators = [] if isinstance(code, ast.Lambda) else code.decorator_list
-    return any(isinstance(each, ast.Name) and each.id == "staticmethod" for each in decorators)
+    for name in (*(_FIRST if start.name.startswith("test") else ()), start.name):
+        method = None if name == "__init__" else kind.find(name)
+        if method is not None and isinstance(method[0], Function):
+            code = method[0].node
+            decorators = [] if isinstance(code, ast.Lambda) else code.decorator_list
+            is_static = "staticmethod" in {
+                each.id for each in decorators if isinstance(each, ast.Name)
+            }
+            given = None if is_static else own
+            bound = Function(code, method[0].scope, given, method[1], method[0].defaults)
+            call_function(bound, Arguments([], {}), run, code)
 
 
 def _set_elsewhere(own: Instance, node: ast.Attribute, run: Run) -> Value:
     """Return an attribute that another method of the class sets, where only one place does."""
-    found = [
+    values = [
         (value, kind)
         for kind in own.type.lines()
         for value in _assigned(kind, run).get(node.attr, ())
+        if not (isinstance(value, ast.Constant) and value.value is None)
     ]
-    certain = [pair for pair in found if not _is_nothing(pair[0])]
-    if len(certain) != 1:
+    if len(values) != 1:
         return unknown(node)
-    value, kind = certain[0]
+    value, kind = values[0]
     if any(isinstance(part, (ast.Call, ast.Await, ast.Attribute)) for part in ast.walk(value)):
         return unknown(node)
     result = evaluate(value, Scope("function", kind.scope), run)
@@ -158,10 +153,6 @@ def _assigned(kind: Class, run: Run) -> dict[str, list[ast.expr]]:
     if known is None:
         known = run.attributes[id(kind.node)] = assigned(kind.node)
     return known
-
-
-def _is_nothing(value: ast.expr) -> bool:
-    return isinstance(value, ast.Constant) and value.value is None
 
 
 def _starts(tree: ast.Module, builders: frozenset[int]) -> list[tuple[Start, ast.AST | None]]:

@@ -136,7 +136,9 @@ def _notebook(path: Path, data: bytes) -> Source:
             lines.append("" if is_other or _MAGIC.match(line) else line)
             numbers.append(number)
             places.append(bisect_right(starts, place))
-    code = "\n".join(_kept_blocks(lines))
+    code = "\n".join(  # without the lines that show help
+        "" if line.rstrip().endswith("?") and "#" not in line else line for line in lines
+    )
     return Source(str(path), code, tuple(lines), tuple(places), tuple(numbers))
 
 
@@ -147,11 +149,6 @@ def _place(text: str, line: str, at: int) -> tuple[int, int]:
         if found >= 0:
             return found + len(written), found
     return at, at
-
-
-def _kept_blocks(lines: list[str]) -> list[str]:
-    """Return the lines of a notebook; one that shows help or runs a shell is empty."""
-    return ["" if line.rstrip().endswith("?") and "#" not in line else line for line in lines]
 
 
 def parse(source: Source) -> ast.Module:

@@ -116,7 +116,11 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
             unresolved=tuple(missing.values()),
             build=build,
         )
-    own = {graph.path: _in_namespaces(graph, scene) for graph in graphs}
+    own: dict[str, GraphModel] = {}
+    for graph in graphs:
+        names = tuple(name for _, name in namespaces_above(graph.path, scene))
+        nodes = (replace(node, namespaces=names) for node in graph.nodes)
+        own[graph.path] = replace(graph, nodes=tuple(nodes)) if names else graph
     kept = [
         _changed_graph(graph, own.pop(graph.path, None), world, missing)
         for graph in scene.graphs
@@ -145,23 +149,21 @@ def _opened(graphs: list[GraphModel], platform: Platform) -> list[GraphModel]:
     fed = {f"{path}.{n}": state.sources for path in inner for n, state in nodes[path].ports.items()}
     compounds = Compounds(inner, fed)
     opened = {node.path: node for node in opened_nodes(nodes.values(), compounds)}
-    opened |= {path: nodes[path] for path in inner if _misses_a_port(nodes[path])}
+    for node in map(nodes.__getitem__, inner):
+        if node.type is not None and any(node.type.port(name) is None for name in node.ports):
+            opened[node.path] = node
     by_graph = {graph.path: [node.path for node in graph.nodes] for graph in graphs}
-    known = [*by_graph]
+    graph_paths = [*by_graph]
     compounds.move(by_graph)
     return [
         replace(
             graph,
             nodes=tuple(opened[path] for path in by_graph[graph.path] if path in opened),
-            inner=compounds.within(graph.path, known),
+            inner=compounds.within(graph.path, graph_paths),
         )
         for graph in graphs
         if graph.path in by_graph
     ]
-
-
-def _misses_a_port(node: Node) -> bool:
-    return node.type is not None and any(node.type.port(name) is None for name in node.ports)
 
 
 def _created(world: World, made: Iterable[BuiltNode]) -> Iterator[tuple[str, str]]:
@@ -225,13 +227,6 @@ def _variables(graph: BuiltGraph, platform: Platform) -> Iterator[tuple[str, Gra
         value = None if built.value is None else _plain_value(built.value, graph.at[0])
         known = None if isinstance(value, Unknown) else value
         yield name, GraphVariable(usd_type, None if known is None else _as_stored(known, usd_type))
-
-
-def _in_namespaces(graph: GraphModel, scene: StageModel) -> GraphModel:
-    """Return a graph whose nodes have the namespaces of the prims of a scene above them."""
-    names = tuple(name for _, name in namespaces_above(graph.path, scene))
-    nodes = (replace(node, namespaces=names) for node in graph.nodes)
-    return replace(graph, nodes=tuple(nodes)) if names else graph
 
 
 def _changed_graph(
@@ -368,23 +363,21 @@ def _state(
         return PortState(name, sources=sources)
     port = None if kind is None else kind.port(name)
     line = node.at[0] if built.at is None else built.at[0]
-    if port.is_target if port is not None else _is_path(built.value):
+    value = built.value
+    first = value.items[0] if isinstance(value, Items) and value.items else value
+    is_path = isinstance(first, Handles) or (isinstance(first, Text) and first.is_path)
+    if port.is_target if port is not None else is_path:
         return PortState(
             name, _REL, targets=tuple(_targets(built.value, line, missing, world)), sources=sources
         )
-    value = _plain_value(built.value, line)
-    if isinstance(value, Unknown):
-        world.unread[value] = None
-        return PortState(name, "", value, sources)
-    usd_type = _usd_type(value, port)
+    plain = _plain_value(value, line)
+    if isinstance(plain, Unknown):
+        world.unread[plain] = None
+        return PortState(name, "", plain, sources)
+    usd_type = _usd_type(plain, port)
     if port is not None and usd_type == port.usd_type:
-        value = _as_stored(value, port.usd_type)
-    return PortState(name, usd_type, value, sources)
-
-
-def _is_path(value: Value) -> bool:
-    first = value.items[0] if isinstance(value, Items) and value.items else value
-    return isinstance(first, Handles) or (isinstance(first, Text) and first.is_path)
+        plain = _as_stored(plain, port.usd_type)
+    return PortState(name, usd_type, plain, sources)
 
 
 def _targets(

@@ -226,7 +226,11 @@ def _branch(
     """
     for leaving, staying in ((body, other), (other, body)):
         if leaving and _only_leaves(leaving, run) and not (staying and _only_leaves(staying, run)):
-            _note_return(leaving, scope, run)
+            last = leaving[-1]
+            value = last.value if isinstance(last, ast.Return) else None
+            # What the way that is not taken would return is kept.
+            if value is not None and not (isinstance(value, ast.Constant) and value.value is None):
+                function_scope(scope).returns.append(evaluate(value, scope, run))
             return execute(staying, scope, run)
     if _matters(body, run) or _matters(other, run):
         return execute(body if run.decide(test) else other, scope, run)
@@ -246,13 +250,6 @@ def _only_leaves(body: Sequence[ast.stmt], run: Run) -> bool:
         known = not any(id(part) in run.builders for part in _walk(body))
         run.looked_at[-id(body)] = known
     return known
-
-
-def _note_return(body: Sequence[ast.stmt], scope: Scope, run: Run) -> None:
-    """Keep the value that a way that is not taken would return."""
-    value = body[-1].value if isinstance(body[-1], ast.Return) else None
-    if value is not None and not (isinstance(value, ast.Constant) and value.value is None):
-        function_scope(scope).returns.append(evaluate(value, scope, run))
 
 
 def _walk(body: Sequence[ast.stmt]) -> Iterator[ast.AST]:
@@ -399,18 +396,6 @@ def _match(node: ast.Match, scope: Scope, run: Run) -> Ending:
     return ""
 
 
-def _raise(_node: ast.Raise, _scope: Scope, _run: Run) -> Ending:
-    return "raise"
-
-
-def _break(_node: ast.Break, _scope: Scope, _run: Run) -> Ending:
-    return "break"
-
-
-def _continue(_node: ast.Continue, _scope: Scope, _run: Run) -> Ending:
-    return "continue"
-
-
 def _public(node: ast.Global | ast.Nonlocal, scope: Scope, _run: Run) -> Ending:
     for name in node.names:
         outer = scope.top()
@@ -450,9 +435,9 @@ _HANDLERS: dict[type[ast.stmt], Callable[[Any, Scope, Run], Ending]] = {
     ast.With: _with,
     ast.AsyncWith: _with,
     ast.Match: _match,
-    ast.Raise: _raise,
-    ast.Break: _break,
-    ast.Continue: _continue,
+    ast.Raise: lambda _node, _scope, _run: "raise",
+    ast.Break: lambda _node, _scope, _run: "break",
+    ast.Continue: lambda _node, _scope, _run: "continue",
     ast.Global: _public,
     ast.Nonlocal: _public,
     ast.Delete: _delete,

@@ -269,7 +269,7 @@ def arm_checks(trial: Trial, scene: Scene, machine: Machine, controller: str) ->
         yield verdict("odometry", faults, trial)
     if any(_own_states(trial, machine)):
         yield verdict("joint states", list(joint_states(trial, scene, machine)), trial)
-    if _moves(trial):
+    if any(any(held.positions.values()) for held in trial.recording.held):
         yield replace(_judged(trial, 1, machine, controller, weak), name="again")
     else:
         yield Check("again", "not judged", "the robot never moved")
@@ -291,10 +291,6 @@ def _judged(
     return check
 
 
-def _moves(trial: Trial) -> bool:
-    return any(any(held.positions.values()) for held in trial.recording.held)
-
-
 def _held(trial: Trial, session: int) -> list[Held]:
     return [held for held in trial.recording.held if held.session == session]
 
@@ -309,7 +305,7 @@ def joints(trial: Trial, session: int, machine: Machine, controller: str) -> Ite
         off = _off_target(name, held)
         if joint is not None and why and not math.isnan(held[0].commanded[name]):
             kind: FaultKind = "no-velocity-drive" if command == "velocity" else "no-position-drive"
-            kind = "limited-joint" if _stands_still(joint) else kind
+            kind = "limited-joint" if joint.limits[0] == joint.limits[1] else kind
             text = f"{name} does not follow its commands{trial.when([session])}"
             yield RunFault(text, kind, joint.path, f"it {why}")
         elif off and joint is not None and joint.locked:
@@ -323,10 +319,6 @@ def joints(trial: Trial, session: int, machine: Machine, controller: str) -> Ite
             yield RunFault(text, cause.kind or "joint-off-target", cause.prim, cause.reason)
             if cause.kind is not None:
                 return  # which keeps all joints
-
-
-def _stands_still(joint: Joint) -> bool:
-    return joint.limits[0] == joint.limits[1]
 
 
 def _off_target(name: str, held: Sequence[Held]) -> str:

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from typing import Any
 
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.sim.any_stage import Played, play_any
+from lab3_usd.sim.any_stage import play_any
 from lab3_usd.sim.judge.expectations import Trial
 
 _MOVED = 1e-3  # metres or radians; less is numerical noise
@@ -26,20 +26,16 @@ def effects_of(stage: Any, platform: Platform) -> frozenset[str]:
             played = play_any(read_scene(stage, platform), platform, None)
     except StageError:
         return frozenset()
-    return frozenset((*_published(played), *_moving(played)))
-
-
-def _published(played: Played) -> Iterator[str]:
-    """Say once of each node which messages it sends; the first play shows those of all."""
+    # The first play shows the messages of all.
     sent = {(message.node, message.type) for message in played.plays[0].trial.recording.messages}
-    yield from (f"{node} publishes {kind}" for node, kind in sent)
-
-
-def _moving(played: Played) -> Iterator[str]:
-    """Say of each robot that it moves when it is commanded."""
-    for robot, play in zip(played.robots, played.plays, strict=False):
-        if _moves(play.trial):
-            yield f"{robot.controller} moves its robot"
+    pairs = zip(played.robots, played.plays, strict=False)
+    moving = [robot for robot, play in pairs if _moves(play.trial)]
+    return frozenset(
+        (
+            *(f"{node} publishes {kind}" for node, kind in sent),
+            *(f"{robot.controller} moves its robot" for robot in moving),
+        )
+    )
 
 
 def _moves(play: Trial) -> bool:

@@ -119,8 +119,12 @@ def _of_another(message: Message, sensor: str, off: Affine, scene: Scene) -> Run
     if not named or any(prim.path == sensor for prim in named) or agree(off, Affine()):
         return None
     camera = scene.prims[sensor].type == "Camera"
-    if camera and any(prim.type == "Camera" for prim in named) and _is_right(off):
-        return None
+    if camera and any(prim.type == "Camera" for prim in named):
+        x, y, z = off.origin
+        is_beside = 0 < x <= _BASELINE and abs(y) + abs(z) < _ASIDE
+        # To the right of the camera whose frame it has, as in a stereo pair.
+        if is_beside and agree(Affine(off.rows), Affine()):
+            return None
     kind: FaultKind = "misplaced-camera-frame" if camera else "scan-off-walls"
     text = f"{message.topic} is in {message.frame}, the frame of {named[0].path}, and shows"
     return RunFault(f"{text} {sensor}", kind, message.node)
@@ -141,12 +145,6 @@ def _of_another_robot(
         yield RunFault(
             text, "misplaced-camera-frame" if is_camera else "scan-off-walls", message.node
         )
-
-
-def _is_right(off: Affine) -> bool:
-    """Whether a camera stands to the right of the one whose frame it has, as in a stereo pair."""
-    x, y, z = off.origin
-    return 0 < x <= _BASELINE and abs(y) + abs(z) < _ASIDE and agree(Affine(off.rows), Affine())
 
 
 def _turned(message: Message, sensor: str, off: Affine) -> RunFault | None:

@@ -111,15 +111,13 @@ def _said(texts: Mapping[str, Iterable[str]]) -> tuple[str, ...]:
     every = {name: [*dict.fromkeys(own)] for name, own in texts.items()}
     counts = Counter(text for own in every.values() for text in own)
     told = (
-        text if counts[text] == len(every) or _tells(text, name) else _of(name, text)
+        text
+        if counts[text] == len(every) or ("/" in name and name in text.replace(":", " ").split())
+        else _of(name, text)
         for name, own in every.items()
         for text in own
     )
     return tuple(dict.fromkeys(told))
-
-
-def _tells(text: str, name: str) -> bool:
-    return "/" in name and name in text.replace(":", " ").split()
 
 
 def _of(robot: str, text: str) -> str:

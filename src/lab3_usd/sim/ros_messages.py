@@ -50,7 +50,9 @@ def serialized(message: Message) -> bytes | None:
     elif isinstance(data, View):
         made = _info(message, data) if data.matrix else None
     elif isinstance(data, JointStates):
-        made = _joint_states(message, data)
+        arrays = (data.positions, data.velocities, data.efforts)
+        numbers = (np.array(array, dtype=np.float64) for array in arrays)
+        made = _new(message.type, _header(message, ""), [*data.names], *numbers)
     elif isinstance(data, Steering):
         drive = _new(_STEERED, data.angle, 0.0, data.speed, 0.0, 0.0)
         made = _new(STEERING, _header(message, message.frame), drive)
@@ -150,12 +152,6 @@ def _scan(message: Message, scan: Scan) -> object:
         ranges,
         bright,
     )
-
-
-def _joint_states(message: Message, states: JointStates) -> object:
-    arrays = (states.positions, states.velocities, states.efforts)
-    numbers = (np.array(array, dtype=np.float64) for array in arrays)
-    return _new(message.type, _header(message, ""), [*states.names], *numbers)
 
 
 def _inertia(message: Message, data: Inertia) -> object:

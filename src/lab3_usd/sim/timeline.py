@@ -351,6 +351,11 @@ def trial_of(player: Player, drive: Sequence[Session], wanted: Expected) -> Tria
         return _room(player, start)
 
     missing = scene.missing.keys() - world.assumed.keys()
+    nodes = player.program.nodes
+    # The run showed of these helpers of sensors that they are not simulated.
+    helpers = {
+        path for path in world.not_simulated & nodes.keys() if nodes[path].type.role == "helper"
+    }
     causes = RunCauses(
         scene,
         player.program,
@@ -358,7 +363,7 @@ def trial_of(player: Player, drive: Sequence[Session], wanted: Expected) -> Tria
         robot,
         wanted.commands,
         missing,
-        depending(player.program, missing) | _helpers_not_simulated(player.program, world),
+        depending(player.program, missing) | helpers,
         unit,
     )
     recording.radii = causes.radii()
@@ -395,12 +400,6 @@ def _room(player: Player, start: Affine) -> tuple[Segment, ...]:
     height = start.origin[2] + EYES if place is None else place.origin[2]
     cut = world.surroundings.level(height / unit)
     return tuple((a * unit, b * unit, c * unit, d * unit) for a, b, c, d in cut)
-
-
-def _helpers_not_simulated(program: Program, world: World) -> frozenset[str]:
-    """Return the helpers of sensors of which it showed in the run that they are not simulated."""
-    nodes = (program.nodes[path] for path in world.not_simulated if path in program.nodes)
-    return frozenset(node.path for node in nodes if node.type.role == "helper")
 
 
 def unknown_in(world: World) -> dict[str, str]:

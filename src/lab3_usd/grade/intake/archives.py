@@ -182,17 +182,13 @@ def _from_zip(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
             elif inside.is_made(entry.filename):
                 continue
             elif stat.S_ISLNK(entry.external_attr >> 16):
-                inside.links[_plain(entry.filename)] = _Link(_zip_link(packed, entry))
+                target = "/"  # a link leads to what it holds; '/' is nowhere
+                if entry.file_size <= _LONGEST_LINK and not entry.flag_bits & _ENCRYPTED:
+                    target = packed.read(entry).decode("utf-8", "surrogateescape")
+                inside.links[_plain(entry.filename)] = _Link(target)
             else:
                 _zip_entry(packed, entry, name, copy)
         inside.take_links()
-
-
-def _zip_link(packed: zipfile.ZipFile, entry: zipfile.ZipInfo) -> str:
-    """Return where a link in an archive leads to, which is what it holds; '/' for nowhere."""
-    if entry.file_size > _LONGEST_LINK or entry.flag_bits & _ENCRYPTED:
-        return "/"
-    return packed.read(entry).decode("utf-8", "surrogateescape")
 
 
 def _zip_entry(

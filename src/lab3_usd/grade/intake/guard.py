@@ -58,7 +58,9 @@ def can_be_read(path: Path, limits: Limits) -> bool:
     try:
         text = check_layer(path, limits)
         if text is not None:
-            return _depth_at_end(text) == 0
+            tokens = _TOKENS.findall(text)
+            opened, closed = (sum(map(tokens.count, each)) for each in (_OPENING, _CLOSING))
+            return opened == closed
         with path.open("rb") as file:
             return file.read(len(CRATE)).startswith((CRATE, PACKAGE))
     except (StageError, OSError):
@@ -87,12 +89,6 @@ def _may_be_deep(data: bytes, limit: int) -> bool:
             break
         brackets = shorter
     return len(brackets) > limit
-
-
-def _depth_at_end(data: bytes) -> int:
-    tokens = _TOKENS.findall(data)
-    opened, closed = (sum(map(tokens.count, brackets)) for brackets in (_OPENING, _CLOSING))
-    return opened - closed
 
 
 def _depths(data: bytes) -> Iterator[int]:

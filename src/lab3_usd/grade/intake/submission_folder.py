@@ -59,7 +59,15 @@ def choose_folder(copy: SubmissionCopy) -> Choice:
     places = list(_places(copy)) or [""]
     if places == [""]:
         return Choice("")
-    folders = sorted((stage_folder(copy, place) for place in places), key=_order)
+    folders = sorted(
+        (stage_folder(copy, place) for place in places),
+        key=lambda folder: (
+            -len(folder.checkpoints),
+            -folder.newest,
+            folder.path.count("/") + bool(folder.path),
+            folder.path,
+        ),
+    )
     first = _with_its_files(copy, folders)
     others = [folder for folder in folders if folder != first]
     aside = [folder for folder in others if not _is_inside(folder.path, first.path)]
@@ -91,11 +99,6 @@ def _beside(copy: SubmissionCopy, chosen: str, covered: Sequence[str]) -> Iterat
     if len(left) > _MOST_NAMED:
         more = f"{len(left) - _MOST_NAMED} more files are outside the judged folder {chosen}"
         yield RefusedFile(left[_MOST_NAMED], more, "Z05")
-
-
-def _order(folder: StageFolder) -> tuple[int, float, int, str]:
-    depth = folder.path.count("/") + bool(folder.path)
-    return -len(folder.checkpoints), -folder.newest, depth, folder.path
 
 
 def _is_inside(path: str, folder: str) -> bool:

@@ -383,6 +383,9 @@ def _joined(parts: list[SubmissionPart]) -> Iterator[StudentSubmission]:
         folder = _slug(student, folders)
         folders.add(folder.casefold())
         own.sort(key=lambda part: -part.upload)
+        is_uncertain = any(part.others for part in own)
+        readings = [(*part.people, *part.others) for part in own] if is_uncertain else [()]
+        of_all = (person for person in readings[0] if all(person in each for each in readings))
         yield StudentSubmission(
             _text(student),
             _text(own[0].name),
@@ -393,15 +396,8 @@ def _joined(parts: list[SubmissionPart]) -> Iterator[StudentSubmission]:
             platform,
             tuple(_text(part.entry) for part in own),
             _unique(own[0].people),
-            _unique(_of_all(own)),
+            _unique(of_all),
         )
-
-
-def _of_all(parts: list[SubmissionPart]) -> Iterator[Person]:
-    """Yield whom all of these parts may be of, where one of them is uncertain."""
-    readings = [(*part.people, *part.others) for part in parts]
-    if any(part.others for part in parts):
-        yield from (person for person in readings[0] if all(person in own for own in readings))
 
 
 def _unique(people: Iterable[Person]) -> tuple[Person, ...]:

@@ -108,7 +108,10 @@ def _plays(
             shown,
             Markup(room_svg(replay, shown, still=still)),  # noqa: S704 - no name is in it
             Markup(near_svg(replay, shown, still=still)),  # noqa: S704
-            tuple(_leg_marks(own)),
+            tuple(
+                (f"{leg.name}: {leg.fault}" if leg.fault else leg_text(leg), bool(leg.fault))
+                for leg in own.legs
+            ),
         )
 
 
@@ -121,12 +124,6 @@ def _of_robot(behaviour: Behaviour, name: str) -> Behaviour:
     legs = tuple(replace(leg, name=leg.name.removeprefix(lead)) for leg in own)
     checks = tuple(check for check in behaviour.checks if check.of in ("", name))
     return replace(behaviour, legs=legs, checks=checks)
-
-
-def _leg_marks(behaviour: Behaviour) -> Iterator[tuple[str, bool]]:
-    """Yield a text for each leg, and whether it is a fault."""
-    for leg in behaviour.legs:
-        yield f"{leg.name}: {leg.fault}" if leg.fault else leg_text(leg), bool(leg.fault)
 
 
 _ABOVE = 6  # pixels between a node and its count
@@ -207,7 +204,9 @@ def render(
             chart=lambda replay: own_markup(chart_svg(replay)),
             places=cursor_places,
             tree=tree_lines(edges, tops),
-            tree_picture=own_markup(_tree_svg(edges, tops)) if edges else "",
+            tree_picture=own_markup(svg(published_frames_picture(edges, tops=tops), "tf-"))
+            if edges
+            else "",
             graphs=graphs,
             tool=f"{NAME} {tool_version()}",
         )
@@ -247,10 +246,6 @@ def heard_edges(behaviour: Behaviour, replay: Replay | None) -> Iterator[Edge]:
             frame.static,
             domain=Domain(str(frame.domain)),
         )
-
-
-def _tree_svg(edges: Sequence[Edge], tops: frozenset[str]) -> str:
-    return svg(published_frames_picture(edges, tops=tops), "tf-")
 
 
 def _tops(behaviour: Behaviour) -> frozenset[str]:

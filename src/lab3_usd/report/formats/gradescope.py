@@ -59,8 +59,11 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
 
 def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
     """Return the test of an item, with the findings of its groups, each once."""
-    lost = "\n".join(_lost_lines(item))
-    blocks = [lost, *(outputs.pop(name, "") for name in item.groups)]
+    lost: list[str] = []
+    for line in item.lost:
+        lost.append(f"- {escaped(line.text)}")
+        lost += (f"    - {escaped(below.text)}" for below in line.below)
+    blocks = ["\n".join(lost), *(outputs.pop(name, "") for name in item.groups)]
     return {
         "name": item.title,
         "score": item.earned,
@@ -69,12 +72,6 @@ def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
         "visibility": item.visibility,
         "output": "\n\n".join(filter(None, blocks)),
     }
-
-
-def _lost_lines(item: GradeItem) -> Iterator[str]:
-    for line in item.lost:
-        yield f"- {escaped(line.text)}"
-        yield from (f"    - {escaped(below.text)}" for below in line.below)
 
 
 def _found(result: StageResult) -> Iterator[tuple[str, str]]:

@@ -7,7 +7,7 @@ from typing import Any, Literal
 from msgspec import to_builtins
 from msgspec.structs import asdict
 
-from lab3_usd.model.finding import Crash, Finding, NodeCoverage, Report, Requirement, Score
+from lab3_usd.model.finding import Crash, Finding, NodeCoverage, Report, Requirement
 from lab3_usd.report.entries import Summary, fault_id, severity_counts, summarize
 from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
@@ -37,11 +37,14 @@ def report_json(report: Report, *, requirements: bool = False) -> Json:
     document = _head()
     document["results"] = []
     for result in report.results:
+        score: Json = {"earned": result.score.earned, "possible": result.score.possible}
+        if result.score.not_judged:
+            score["not_judged"] = result.score.not_judged
         entry: Json = {
             "path": result.path,
             "checkpoint": result.checkpoint,
             "verdict": result.verdict,
-            "score": _score_json(result.score),
+            "score": score,
             "findings": [finding_json(finding) for finding in result.findings],
         }
         if requirements:
@@ -82,11 +85,6 @@ def _summary_json(summary: Summary) -> Json:
 def _add_hidden(document: Json, hidden: tuple[Finding, ...]) -> None:
     if hidden:
         document["hidden"] = severity_counts(hidden)
-
-
-def _score_json(score: Score) -> Json:
-    document = {"earned": score.earned, "possible": score.possible}
-    return document | ({"not_judged": score.not_judged} if score.not_judged else {})
 
 
 def _requirement_json(requirement: Requirement) -> Json:

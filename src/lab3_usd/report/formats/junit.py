@@ -36,7 +36,10 @@ def _suite(
     result: StageResult | Submission, requirements: Iterable[Requirement] = ()
 ) -> ET.Element:
     suite = ET.Element("testsuite", name=visible(result.path), time="0")
-    classname = _classname(result.path)
+    # Jenkins reads `package.Class`, split at the dots.
+    stem = re.sub(r"\.[^./\\]+$", "", result.path)
+    parts = (visible(part).replace(".", "_") for part in re.split(r"[/\\]+", stem) if part)
+    classname = ".".join(parts)
     for requirement in requirements:
         case = _case(suite, f"{classname}.{requirement.group}", requirement.id)
         if not requirement.met:
@@ -67,12 +70,6 @@ def _suite(
 def _count(element: ET.Element, below: str) -> None:
     for name, path in COUNTED.items():
         element.set(name, str(len(element.findall(below + path))))
-
-
-def _classname(path: str) -> str:
-    # Jenkins reads `package.Class`, split at the dots.
-    stem = re.sub(r"\.[^./\\]+$", "", path)
-    return ".".join(visible(part).replace(".", "_") for part in re.split(r"[/\\]+", stem) if part)
 
 
 def _case(suite: ET.Element, classname: str, name: str) -> ET.Element:

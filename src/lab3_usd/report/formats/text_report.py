@@ -250,18 +250,11 @@ def _not_judged_line(results: Sequence[StageResult], page: Page) -> Iterator[str
     count = len({entry for result in results for entry in result.not_judged})
     if count and page.verbose:
         verb, pronoun = ("was", "it") if count == 1 else ("were", "they")
+        coverages = [result.coverage for result in results]
+        is_script = any(each is not None and each.built is not None for each in coverages)
+        place = "the scenes that scripts load" if is_script else "assets that were not found"
         yield ""
-        yield (
-            f"{plural(count, 'thing')} {verb} not judged: "
-            f"{pronoun} may be in {_where_else(results)}"
-        )
-
-
-def _where_else(results: Sequence[StageResult]) -> str:
-    """Say where what was not judged may be: of scripts, in what they load."""
-    coverages = [result.coverage for result in results]
-    is_script = any(each is not None and each.built is not None for each in coverages)
-    return "the scenes that scripts load" if is_script else "assets that were not found"
+        yield f"{plural(count, 'thing')} {verb} not judged: {pronoun} may be in {place}"
 
 
 def _crash_lines(crashes: tuple[Crash, ...], page: Page) -> Iterator[str]:
@@ -342,7 +335,11 @@ def _frame(finding: Finding, page: Page) -> Iterator[str]:
 
 def _details(finding: Finding, page: Page) -> Iterator[str]:
     for label, value in (("expected", finding.expected), ("actual", finding.actual)):
-        if value is not None and _last_name(value) not in finding.message:
+        if value is None:
+            continue
+        # The last name of a path tells a prim or property from its siblings.
+        name = value.rpartition("/")[2] if value.startswith("/") else value
+        if name not in finding.message:
             yield from _labelled(label, value, page)
     text = f"{finding.message} {finding.expected}"
     related = [prim for prim in finding.related if prim not in text]
@@ -350,11 +347,6 @@ def _details(finding: Finding, page: Page) -> Iterator[str]:
         yield from _labelled("see also", " ".join(related), page)
     if finding.hint:
         yield from _labelled("hint", " ".join(finding.hint.split()), page)
-
-
-def _last_name(value: str) -> str:
-    """Return the last name of the path of a prim or property, which tells it from its siblings."""
-    return value.rpartition("/")[2] if value.startswith("/") else value
 
 
 def _labelled(label: str, value: str, page: Page) -> Iterator[str]:

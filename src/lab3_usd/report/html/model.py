@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from itertools import groupby
 from pathlib import Path
 from urllib.parse import quote
@@ -13,9 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, StageError
 from lab3_usd.facts.endpoints import endpoints
-from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import (
-    Edge,
     all_edges,
     all_unresolved_frames,
     edges_on,
@@ -59,7 +57,10 @@ def read_content(result: StageResult, lab: Lab) -> StageContent | None:
     checkpoint = lab.checkpoints.get(result.checkpoint or "")
     try:
         topics = model.platform.ros.tree_topics if checkpoint is None else transform_topics(lab)
-        edges, hidden = _heard(model, () if checkpoint is None else topics)
+        if checkpoint is None or not topics:  # none is named: all count
+            edges, hidden = all_edges(model), all_unresolved_frames(model)
+        else:
+            edges, hidden = edges_on(topics, model), unresolved_frames(topics, model)
         unknown = unknown_publishers(topics, model)
         reserved = lab.frames.reserved if result.checkpoint else {}
         tree = TreeReport(result.path, edges, unknown, reserved, hidden)
@@ -89,15 +90,6 @@ def _pictures(
     flags = (checkpoint.graphs, checkpoint.frames, checkpoint.localization)
     key = ("pictures", id(model), lab.at(checkpoint.id), *flags, found)
     return cached(key, lambda: tuple(stage_pictures(lab, checkpoint, model, found)))
-
-
-def _heard(
-    model: StageModel, topics: Collection[str]
-) -> tuple[tuple[Edge, ...], tuple[UnresolvedFrames, ...]]:
-    """Return the transforms and unknown frames of some topics, of all where none is named."""
-    if not topics:
-        return all_edges(model), all_unresolved_frames(model)
-    return edges_on(topics, model), unresolved_frames(topics, model)
 
 
 class PortLink(Struct, frozen=True):

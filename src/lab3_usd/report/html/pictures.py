@@ -6,12 +6,12 @@ A link leads to the element of a picture that shows a fault, and to the view aro
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 
 from msgspec import Struct, field
 
-from lab3_usd.model.finding import SEVERITIES, Finding, Severity
+from lab3_usd.model.finding import SEVERITIES, Finding
 from lab3_usd.report.grouped_stages import Block, ReportedFault
 from lab3_usd.report.html.model import PagePicture, PortLink, StageContent, Topic
 from lab3_usd.report.picture.canvas import LEGEND_LINE
@@ -103,7 +103,11 @@ def gallery(
                 stages=shared.stages,
                 size=(picture.width, picture.height),
                 faults=len(targets[shared.id]),
-                severity=_worst(faults[name] for name in targets[shared.id]),
+                severity=min(  # the gravest
+                    (faults[name].finding.severity for name in targets[shared.id]),
+                    key=SEVERITIES.index,
+                    default="error",
+                ),
                 svg=drawn.get(shared.id),
                 lines=shared.lines,
             )
@@ -115,11 +119,6 @@ def gallery(
     return Gallery(
         tuple(pictures), {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()}
     )
-
-
-def _worst(faults: Iterable[ReportedFault]) -> Severity:
-    """Return the gravest severity of faults."""
-    return min((fault.finding.severity for fault in faults), key=SEVERITIES.index, default="error")
 
 
 def _shared_pictures(

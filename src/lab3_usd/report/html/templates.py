@@ -67,7 +67,11 @@ def jinja_environment() -> jinja2.Environment:
         autoescape=True,
         trim_blocks=True,
         lstrip_blocks=True,
-        finalize=_finalized,
+        finalize=lambda value: (
+            visible(str(value))
+            if isinstance(value, str) and not isinstance(value, Markup)
+            else value
+        ),
     )
     environment.globals["program"] = program
     environment.filters.update(
@@ -84,11 +88,6 @@ def asset_text(name: str) -> str:
 def compile_templates(target: Path) -> None:
     """Write the templates below `target` as modules, for a wheel."""
     jinja_environment().compile_templates(target, ["j2"], zip=None, ignore_errors=False)
-
-
-def _finalized(value: object) -> object:
-    is_plain = isinstance(value, str) and not isinstance(value, Markup)
-    return visible(str(value)) if is_plain else value
 
 
 def own_markup(text: str) -> Markup:

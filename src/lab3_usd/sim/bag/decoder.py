@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import struct
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -110,10 +111,6 @@ def _head(header_of: Any) -> Header:
     return Header(_seconds(header_of.stamp), header_of.frame_id[:LONGEST])
 
 
-def _clock(message: Any) -> Decoded:
-    return Decoded(None, _seconds(message.clock))
-
-
 def _xyz(vector: Any) -> tuple[float, float, float]:
     return (vector.x, vector.y, vector.z)
 
@@ -189,29 +186,23 @@ def _joint_states(message: Any) -> Decoded:
     return Decoded(_head(message.header), JointStates(names, *numbers))
 
 
-def _info(message: Any) -> Decoded:
-    view = View(message.width, message.height, tuple(map(float, message.k)))
-    return Decoded(_head(message.header), view)
-
-
-def _goals(message: Any) -> Decoded:
-    listed = message.status_list
-    return Decoded(None, tuple(Goal(bytes(e.goal_info.goal_id.uuid), e.status) for e in listed))
-
-
 def _finite(numbers: tuple[float, ...]) -> bool:
     return all(map(math.isfinite, numbers))
 
 
-_READERS = {
-    "rosgraph_msgs/msg/Clock": _clock,
+_READERS: dict[str, Callable[[Any], Decoded | None]] = {
+    "rosgraph_msgs/msg/Clock": lambda message: Decoded(None, _seconds(message.clock)),
     "geometry_msgs/msg/Twist": _twist,
     "nav_msgs/msg/Odometry": _odometry,
     "tf2_msgs/msg/TFMessage": _transforms,
     "sensor_msgs/msg/LaserScan": _scan,
-    "sensor_msgs/msg/CameraInfo": _info,
+    "sensor_msgs/msg/CameraInfo": lambda message: Decoded(
+        _head(message.header), View(message.width, message.height, tuple(map(float, message.k)))
+    ),
     "sensor_msgs/msg/JointState": _joint_states,
     STEERING: _steering,
     "nav_msgs/msg/OccupancyGrid": _map,
-    "action_msgs/msg/GoalStatusArray": _goals,
+    "action_msgs/msg/GoalStatusArray": lambda message: Decoded(
+        None, tuple(Goal(bytes(e.goal_info.goal_id.uuid), e.status) for e in message.status_list)
+    ),
 }

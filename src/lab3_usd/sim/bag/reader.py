@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -233,7 +233,11 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
         static = message.topic in wanted.static
         inner = _links(gathered, message.transforms, message.at, wanted.root, static=static)
         if len(gathered.located) < gathered.most:
-            gathered.located += _located(message, topics)
+            gathered.located += (
+                (message.at, Affine(rotation(each.rotation), each.translation))
+                for each in message.transforms
+                if (each.parent, each.child) == (topics.map_frame, wanted.root)
+            )
         if not (static or inner):
             return
         message.data = () if static else inner
@@ -261,13 +265,6 @@ def _keep_whole(gathered: Gathered, message: Message, wanted: Expected) -> None:
         turned = heading(Affine(rotation(data.orientation)))
         x, y, _ = data.position
         gathered.places.append((message.at, (x, y, turned)))
-
-
-def _located(message: Message, topics: Topics) -> Iterator[tuple[float, Affine]]:
-    """Yield where a message has the root of TF in the frame of the map."""
-    for transform in message.transforms:
-        if (transform.parent, transform.child) == (topics.map_frame, topics.wanted.root):
-            yield message.at, Affine(rotation(transform.rotation), transform.translation)
 
 
 def _links(

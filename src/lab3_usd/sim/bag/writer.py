@@ -82,7 +82,9 @@ def write_bags(folder: Path, tape: Tape) -> list[Written]:
 
 def _write_bag(folder: Path, tape: Tape, domain: int) -> Written:
     records = sorted(_records(tape, domain), key=lambda record: record[:2])
-    left_out = _without_content(tape, domain)
+    last = {each.topic: each for each in tape.messages if tape.domain(each) == domain}
+    # Of these topics a dry run does not make the messages.
+    left_out = tuple(sorted(topic for topic, sent in last.items() if serialized(sent) is None))
     folder.parent.mkdir(exist_ok=True)
     with Writer(folder, version=_WRITTEN, storage_plugin=StoragePlugin.MCAP) as writer:
         writer.set_custom_data(NOT_SENT, " ".join(left_out))
@@ -96,13 +98,6 @@ def _write_bag(folder: Path, tape: Tape, domain: int) -> Written:
             writer.write(connections[key], record.nanoseconds, record.data)
     _as_humble(folder / "metadata.yaml")
     return Written(folder, len(records), len(connections), left_out)
-
-
-def _without_content(tape: Tape, domain: int) -> tuple[str, ...]:
-    """Return the topics whose messages a dry run does not make."""
-    there = (message for message in tape.messages if tape.domain(message) == domain)
-    came = {message.topic: message for message in there}
-    return tuple(sorted(topic for topic, sent in came.items() if serialized(sent) is None))
 
 
 def _records(tape: Tape, domain: int) -> Iterator[Record]:

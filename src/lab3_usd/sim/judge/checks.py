@@ -129,7 +129,13 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     if unplayed or (not faults and "" in trial.recording.unplayed):
         return Check(name, "not judged", unplayed or trial.recording.unplayed[""])
     unclear = trial.recording.unclear if name in DRIVEN else ""
-    if unclear and not any(_is_of_graph(fault, trial) for fault in faults):
+    causes = trial.causes
+    of_graph = [  # a node is why no command comes to the robot, however it would move
+        fault
+        for fault in faults
+        if fault.cause and causes is not None and causes.is_node(fault.prim)
+    ]
+    if unclear and not of_graph:
         return Check(name, "not judged", unclear)
     silent = _unheard(name, trial)
     if not faults and silent:
@@ -142,18 +148,11 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     leading = next((fault for fault in shown if fault.prim), shown[0])
     text = "; ".join(fault.message for fault in shown)
     outcome: Verdict = "bad" if sure else "not judged"
-    causes = trial.causes
     check = Check(name, outcome, text, leading.prim, leading.kind, leading.cause)
     asset = causes.asset(leading) if causes is not None and not sure and leading.sure else None
     if asset is not None:  # a cause of its own, which no rule about the stage explains
         return replace(check, prim=asset.prim, kind=None, cause=asset.reason)
     return check if causes is None else replace(check, rests_on=causes.basis(name, leading.prim))
-
-
-def _is_of_graph(fault: RunFault, trial: Trial) -> bool:
-    """Whether a node is why no command comes to the robot, however it would move."""
-    causes = trial.causes
-    return bool(fault.cause and causes is not None and causes.is_node(fault.prim))
 
 
 def _unheard(name: str, trial: Trial) -> str:

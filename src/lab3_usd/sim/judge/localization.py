@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter, defaultdict
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from heapq import nlargest
 from typing import Any, NamedTuple
 
@@ -167,9 +167,10 @@ def _shifted(best: MapFit, scans: Rays, near: frozenset[Cell], located: Located)
             votes[first - wall] += count
     tried = []
     for number in _most_voted(votes, (end - least - wall for end, _ in ends for wall in walls)):
-        column, row = divmod(number + least + half, 2 * half)
-        shift = (column, row - half)
-        tried.append((_met(points, near, shift), votes[number], shift))
+        right, row = divmod(number + least + half, 2 * half)
+        up = row - half
+        met = sum(count for (u, v), count in points.items() if (u - right, v - up) in near)
+        tried.append((met, votes[number], (right, up)))
     met, _, shift = max(tried)
     (x, y), (u, v) = grid.point(0, 0), grid.point(*shift)
     return replace(best, shift=(u - x, v - y), shifted=met / max(1, best.count))
@@ -187,11 +188,6 @@ def _most_voted(votes: list[int] | dict[int, int], cast: Iterable[int]) -> Itera
         if votes[number] == least:
             found.add(number)
     return found
-
-
-def _met(points: Mapping[Cell, int], near: frozenset[Cell], shift: Cell) -> int:
-    right, up = shift
-    return sum(count for (u, v), count in points.items() if (u - right, v - up) in near)
 
 
 def _is_of_the_room(trial: Trial, grid: OccupancyMap, located: Located) -> bool:

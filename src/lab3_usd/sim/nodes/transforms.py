@@ -10,7 +10,7 @@ from functools import cached_property
 
 from msgspec import Struct
 
-from lab3_usd.model.dry_run import Affine, Quaternion, Scene, ScenePrim
+from lab3_usd.model.dry_run import Affine, Scene, ScenePrim
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
 from lab3_usd.physics.machine import Machine, Posture
@@ -292,14 +292,12 @@ def publish_transform_tree(node: NodeInstance, world: World) -> bool:
         memory["frames"] = tuple(zip(map(str, parents), map(str, children), strict=True))
     poses = Later(
         count,
-        lambda: tuple((_metres(p, unit), _w_first(q)) for p, q in zip(places, turns, strict=True)),
+        lambda: tuple(
+            (_metres(place, unit), (w, x, y, z))
+            for place, (x, y, z, w) in zip(places, turns, strict=True)
+        ),
     )
     return _send_tree(node, world, memory["endpoint"], Transforms(memory["frames"], poses))
-
-
-def _w_first(quaternion: Sequence[float]) -> Quaternion:
-    x, y, z, w = quaternion
-    return (w, x, y, z)
 
 
 def _metres(at: Sequence[float], unit: float) -> Vector:
