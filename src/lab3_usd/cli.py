@@ -184,14 +184,13 @@ def _use_team(context: click.Context, _option: click.Parameter, given: str | Non
     context.call_on_close(put_back)
 
 
-def _one_name(name: str) -> str:
-    """Return the name that is documented of an option which has two."""
-    return "output" if name == "out" else name
-
-
 @click.group(
     cls=LazyGroup,
-    context_settings={"help_option_names": ["-h", "--help"], "token_normalize_func": _one_name},
+    context_settings={
+        "help_option_names": ["-h", "--help"],
+        # Of an option with two names one is documented.
+        "token_normalize_func": lambda name: "output" if name == "out" else name,
+    },
 )
 @click.option(
     "--version",
@@ -265,7 +264,8 @@ def main() -> None:
         click.echo(error.format_message(), err=True)
         sys.exit(EXIT_USAGE)
     except click.UsageError as error:
-        _fail(_usage_line(error), EXIT_USAGE, "usage")
+        help_hint = "" if error.ctx is None else f" (see {error.ctx.command_path} --help)"
+        _fail(f"{error.format_message()}{help_hint}", EXIT_USAGE, "usage")
     except NoRoomError as error:
         _fail(_one_line(error), EXIT_CRASH, "crash")
     except (Lab3Error, click.ClickException) as error:
@@ -299,11 +299,6 @@ def _write_utf8() -> None:
 def _close_output() -> None:
     """Discard all further output."""
     os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
-
-
-def _usage_line(error: click.UsageError) -> str:
-    help_hint = "" if error.ctx is None else f" (see {error.ctx.command_path} --help)"
-    return f"{error.format_message()}{help_hint}"
 
 
 def _one_line(error: Exception) -> str:

@@ -137,14 +137,13 @@ def _paired_nodes(
         same_type = [
             candidate for candidate in left.values() if candidate.type_name == node.type_name
         ]
-        twin = max(same_type, key=lambda candidate: _agreement(node, candidate), default=None)
+        twin = max(
+            same_type,
+            key=lambda other: sum(other.state(name) == own for name, own in node.ports.items()),
+            default=None,
+        )
         yield node, None if twin is None else left.pop(twin.path)
     yield from ((None, node) for node in left.values())
-
-
-def _agreement(before: Node, after: Node) -> int:
-    """Count the ports in which two nodes of one type agree."""
-    return sum(after.state(name) == state for name, state in before.ports.items())
 
 
 _TYPE, _VERSION, _NAMESPACE = "node:type", "node:typeVersion", "isaac:namespace"
@@ -282,14 +281,11 @@ def compare_stages(before: Path, after: Path, lab: Lab) -> Comparison:
         *_topic_changes(was, now, pairs),
         *_frame_changes(was, now),
     ]
-    ordered = tuple(sorted(changes, key=_order))
-    return Comparison(StageDiff(str(before), str(after), ordered), pairs)
-
-
-def _order(change: StageChange) -> tuple[int, str, str, int]:
-    return (
-        PARTS.index(change.part), change.path, change.property, EDITS.index(change.edit),
-    )  # fmt: skip
+    ordered = sorted(
+        changes,
+        key=lambda each: (PARTS.index(each.part), each.path, each.property, EDITS.index(each.edit)),
+    )
+    return Comparison(StageDiff(str(before), str(after), tuple(ordered)), pairs)
 
 
 def _stage_changes(before: StageModel, after: StageModel) -> Iterator[StageChange]:

@@ -51,7 +51,8 @@ def write_parts(target: Path, parts: Iterable[bytes], *, force: bool) -> None:
     """
     refuse_existing(target, force=force)
     try:
-        if target.exists() and (not target.is_file() or _is_among_devices(target)):
+        is_device = target.is_relative_to(_DEVICES) and not target.is_relative_to(_MEMORY)
+        if target.exists() and (is_device or not target.is_file()):
             with target.open("wb") as file:
                 file.writelines(parts)
             return
@@ -82,10 +83,6 @@ def make_folder(folder: Path) -> None:
         raise UsageError(f"{file}: is a file, and a folder is needed; name another one") from error
     except OSError as error:
         raise unwritten(folder, error) from error
-
-
-def _is_among_devices(path: Path) -> bool:
-    return path.is_relative_to(_DEVICES) and not path.is_relative_to(_MEMORY)
 
 
 class FileState(NamedTuple):

@@ -203,24 +203,23 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     plan = planned(task)
     graph, shared, values = plan.graph, plan.shared, plan.values
     shown = tuple(hole for hole in (*plan.holes, *_variants(editing, subject)) if hole.label)
-    there = [likeness(graph, found, model) for found in model.graphs if _is_live(found.path, model)]
-    same = next((found for found in there if found.is_same), None)
+    live = {each.path for each in model.graphs if each.active and not each.instanced}
+    there = [likeness(graph, each, model) for each in model.graphs if each.path in live]
+    same = next((each for each in there if each.is_same), None)
     if same is not None:
         return Addition(request, same.path, 0, holes=shown)
     sender = _sender_of_all(task, values)
     if sender:
         return Addition(request, sender, 0, holes=shown)
-    alike = [
-        found.path for found in there if found.is_alike and _is_about(found.path, subject, model)
-    ]
-    alike += [found for found in _own_graphs(editing, recipe, subject) if found not in alike]
+    alike = [each.path for each in there if each.is_alike and _is_about(each.path, subject, model)]
+    alike += [each for each in _own_graphs(editing, recipe, subject) if each not in alike]
     made_way: list[str] = []
     if into is not None:
-        own = next(found for found in there if found.path == into)
+        own = next(each for each in there if each.path == into)
         graph = extension(graph, shared, own, model)
     elif request.options.graph is not None and _stands(editing, path):
         if path not in alike or not options.replaces:
-            _refuse_taken(path, next((found for found in there if found.path == path), None))
+            _refuse_taken(path, next((each for each in there if each.path == path), None))
         made_way = [path]
     write = AddGraph.of(graph, recipe.kind)
     editing.edit([*map(DropPrim, made_way), *((write,) if into is None else write.contents)])
@@ -255,12 +254,12 @@ def _in_the_way(
     new: frozenset[str], recipe: Recipe, alike: Sequence[str], model: StageModel
 ) -> dict[str, str]:
     """Return the graphs that do already what new nodes do, each with what does what."""
-    found: dict[str, str] = {}
+    first: dict[str, str] = {}
     for rival in rivals(new, model):
-        found.setdefault(rival.path.rpartition("/")[0], f"{rival.path} {rival.what}")
+        first.setdefault(rival.path.rpartition("/")[0], f"{rival.path} {rival.what}")
     for graph in alike if recipe.is_single else ():
-        found.setdefault(graph, f"{graph} is a {recipe.kind} of the same robot already")
-    return found
+        first.setdefault(graph, f"{graph} is a {recipe.kind} of the same robot already")
+    return first
 
 
 def _refuse(first: dict[str, str], there: Sequence[Likeness], alike: Sequence[str]) -> None:
@@ -289,12 +288,6 @@ def _sender_of_all(task: Task, values: dict[str, Any]) -> str:
     if any(e is None or (e.prim, e.parent) != (target, top) for target, e in edges.items()):
         return ""
     return next(edge.publisher.rpartition("/")[0] for edge in edges.values() if edge is not None)
-
-
-def _is_live(path: str, model: StageModel) -> bool:
-    return any(
-        graph.path == path and graph.active and not graph.instanced for graph in model.graphs
-    )
 
 
 def _stands(editing: Editing, path: str) -> bool:

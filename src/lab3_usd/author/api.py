@@ -119,17 +119,18 @@ class GraphOf:
         Raises:
             GraphError: there is no such type, no such input, or the value does not fit.
         """
-        found = type_named(kind, self._editing.platform)
-        role = name or _free(found.prim_name, {*self._nodes, *self._there})
+        node_type = type_named(kind, self._editing.platform)
+        role = name or _free(node_type.prim_name, {*self._nodes, *self._there})
         if role in self._nodes or role in self._there:
             raise GraphError(f"{self.path}/{role}: there is a node of this name already")
         targets = {}
         for port in [*values]:
-            known = found.input(port)
-            if known is not None and known.is_target:
-                targets[port] = _paths(values.pop(port))
+            port_type = node_type.input(port)
+            if port_type is not None and port_type.is_target:
+                paths = values.pop(port)
+                targets[port] = (paths,) if isinstance(paths, str) else tuple(paths)
         try:
-            made = NodeOf(graph_node(role, found, values, targets))
+            made = NodeOf(graph_node(role, node_type, values, targets))
         except GraphError as error:
             raise GraphError(f"{role}: {error}") from error
         self._nodes[role] = made
@@ -306,10 +307,6 @@ def _free(name: str, taken: Iterable[str]) -> str:
         free = f"{name}_{number:02}"
         number += 1
     return free
-
-
-def _paths(value: Any) -> tuple[str, ...]:
-    return (value,) if isinstance(value, str) else tuple(value)
 
 
 def _plain(value: Any) -> Any:

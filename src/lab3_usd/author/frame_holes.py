@@ -57,17 +57,13 @@ def sent_frames(task: Task) -> dict[str, Edge]:
     own = [value for _, value in namespaces_above(task.path, task.stage)]
     space = wanted["tf_namespace"] or next(iter(own), "")
     name = ros_name(space, topic)
-    domain = _own_domain(task)
+    values = {hole.name: hole.value for hole in domain_holes(task)}
+    domain = Domain(str(values["domain"] or 0), values["domain_by_environment"] is not False)
     return {
         edge.child: edge
         for edge in all_edges(task.stage)
         if edge.topic == name and may_meet(edge.domain, domain)
     }
-
-
-def _own_domain(task: Task) -> Domain:
-    values = {hole.name: hole.value for hole in domain_holes(task)}
-    return Domain(str(values["domain"] or 0), values["domain_by_environment"] is not False)
 
 
 def frames(task: Task) -> Iterator[Hole]:

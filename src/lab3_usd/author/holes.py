@@ -99,14 +99,10 @@ def planned(task: Task) -> Plan:
     return Plan(graph, shared, holes)
 
 
-def _nothing(_: Task) -> Iterator[Hole]:
-    return iter(())
-
-
 _FILLERS: Mapping[str, Callable[[Task], Iterator[Hole]]] = {
     "ros": ros_holes.ros,
     "time": ros_holes.time,
-    "robot": _nothing,
+    "robot": lambda _task: iter(()),
     "wheels": wheel_holes.wheels_and_keys,
     "steering": wheel_holes.steering,
     "rollers": wheel_holes.rollers,

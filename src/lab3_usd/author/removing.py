@@ -87,20 +87,23 @@ def remove_graph(path: Path, request: Request, release: str) -> Removed:
 def _chosen(request: Request, editing: Editing) -> Candidate:
     model, options = editing.model, request.options
     recipe = recipe_of(request.kind, editing.platform.recipes)
-    found = list(_candidates(recipe, editing))
+    candidates = list(_candidates(recipe, editing))
     named = options.graph or options.into
     if named is not None:
-        found = [candidate for candidate in found if candidate.graph == named]
+        candidates = [each for each in candidates if each.graph == named]
     for top in filter(None, (options.robot, options.prim)):
-        parts = _parts(top, model)
-        found = [candidate for candidate in found if _names(candidate, parts, model)]
+        parts = {top}  # and where it is of a robot, the links and sensors of that
+        for robot in robots(model):
+            if top in (robot.path, robot.root, robot.base):
+                parts |= {robot.path, *robot.links, *(each.prim.path for each in robot.sensors)}
+        candidates = [each for each in candidates if _names(each, parts, model)]
     for is_meant in (_is_about, _is_ours, _is_asked):
-        if len(found) > 1:
-            found = [c for c in found if is_meant(c, request, model)] or found
-    if len(found) == 1:
-        return found[0]
-    if found:
-        raise AmbiguousError("graph", [candidate.graph for candidate in found], "--graph")
+        if len(candidates) > 1:
+            candidates = [c for c in candidates if is_meant(c, request, model)] or candidates
+    if len(candidates) == 1:
+        return candidates[0]
+    if candidates:
+        raise AmbiguousError("graph", [each.graph for each in candidates], "--graph")
     there = ", ".join(graph.path for graph in model.graphs) or "none"
     where = f" at {named}" if named else ""
     where += "".join(f" of {top}" for top in (options.robot, options.prim) if top)
@@ -141,13 +144,6 @@ def _does(graph: GraphModel, recipe: Recipe, editing: Editing) -> bool:
 def _tells(kind: NodeType) -> bool:
     """Whether a type shows what a graph is for: it talks ROS, moves joints or makes frames."""
     return bool(kind.role or kind.drives or kind.tf or kind.step_limits)
-
-
-def _parts(top: str, model: StageModel) -> set[str]:
-    """Return a prim, and where it is of a robot, the links and sensors of that."""
-    found = [robot for robot in robots(model) if top in (robot.path, robot.root, robot.base)]
-    sensors = {sensor.prim.path for robot in found for sensor in robot.sensors}
-    return {top, *sensors, *(path for robot in found for path in (robot.path, *robot.links))}
 
 
 def _nodes(candidate: Candidate, model: StageModel) -> list[Node]:
@@ -220,11 +216,7 @@ def _highest(path: str, editing: Editing) -> str:
     for parent in upwards(path.rpartition("/")[0]):
         is_ours_or_over = parent in added.parents or is_over(editing.session.stage, parent)
         is_removable = is_ours_or_over or not is_ours
-        if not is_removable or not is_bare(editing.session.stage, parent, _leaf(top)):
+        if not is_removable or not is_bare(editing.session.stage, parent, top.rpartition("/")[2]):
             break
         top = parent
     return top
-
-
-def _leaf(path: str) -> str:
-    return path.rpartition("/")[2]

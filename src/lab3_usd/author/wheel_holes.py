@@ -225,11 +225,7 @@ def rollers(task: Task) -> Iterator[Hole]:
     yield Hole("wheel_joints", names, "wheels", ", ".join(names), f"joints with {mark}")
 
 
-def _keyboard(task: Task) -> Iterator[Hole]:
-    yield Hole("keyboard", bool(task.options.keyboard))
-
-
 def wheels_and_keys(task: Task) -> Iterator[Hole]:
     """Yield the wheels left and right with their sizes, and whether keys drive them."""
     yield from _wheels(task)
-    yield from _keyboard(task)
+    yield Hole("keyboard", bool(task.options.keyboard))

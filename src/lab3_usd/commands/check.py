@@ -169,13 +169,11 @@ def _untrusting_judge(starter: str | None, assets: tuple[str, ...]) -> Judge:
     places = asset_places(assets)
     return Judge(
         find=hooks.find_untrusted,
-        judge=lambda work, _jobs: hooks.judge_untrusted(work, file, places, _notify),
+        judge=lambda work, _jobs: hooks.judge_untrusted(
+            work, file, places, lambda line: click.echo(f"{program()}: {line}", err=True)
+        ),
         module="lab3_usd.check.checker",
     )
-
-
-def _notify(line: str) -> None:
-    click.echo(f"{program()}: {line}", err=True)
 
 
 def _judge(shared: tuple[str, ...], asked: CheckOptions, reporting: Reporting) -> Judge:

@@ -39,10 +39,15 @@ def command(rule_id: str, words: str | None, *, whole: bool, config_file: str | 
     if [bool(rule_id), bool(words), whole].count(True) != 1:
         raise click.UsageError("give the id of one rule, --search WORD, or --all")
     if words is not None:
-        held = [rule for rule in rules.values() if _holds(rule, words.lower())]
-        if not held:
+        lower = words.lower()
+        matching = [
+            rule
+            for rule in rules.values()
+            if lower in rule.name or lower in " ".join(rule.manual.lower().split())
+        ]
+        if not matching:
             raise click.UsageError(f"no manual of a rule holds {words!r}")
-        click.echo("\n".join(rule_lines(held)))
+        click.echo("\n".join(rule_lines(matching)))
         return
     if whole:
         ordered = sorted(
@@ -51,17 +56,12 @@ def command(rule_id: str, words: str | None, *, whole: bool, config_file: str | 
         manuals = (manual_lines(rule, lab.handout.rules.get(rule.id, "")) for rule in ordered)
         click.echo("\n\n\n".join("\n".join(lines) for lines in manuals))
         return
-    found = rules_about(rule_id, rules)
-    if found:
-        click.echo("\n".join(rule_lines(found)))
+    about = rules_about(rule_id, rules)
+    if about:
+        click.echo("\n".join(rule_lines(about)))
         return
     rule = find_rule(rule_id, rules)
     click.echo("\n".join(manual_lines(rule, lab.handout.rules.get(rule.id, ""))))
-
-
-def _holds(rule: Rule, words: str) -> bool:
-    """Whether the name or the manual of a rule holds some words, whatever lines they stand in."""
-    return words in rule.name or words in " ".join(rule.manual.lower().split())
 
 
 def rules_about(word: str, rules: Mapping[str, Rule]) -> list[Rule]:

@@ -16,6 +16,8 @@ from lab3_usd.config.lookup import find_file, located_in_config, read_table
 from lab3_usd.errors import UsageError, guess
 from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_among
 
+_Reader = Callable[[Any, str, Path], Any]
+
 
 class Config(Struct, frozen=True):
     """The configuration; a key that is not set is None or empty.
@@ -157,9 +159,11 @@ def _table(value: Any, where: str) -> Mapping[str, Any]:
     return value
 
 
-def _ignores(value: Any, where: str, folder: Path) -> tuple[tuple[str, tuple[str, ...]], ...]:
-    table = _table(value, where)
-    return tuple((name, _rules(rules, f"{where}: {name}", folder)) for name, rules in table.items())
+def _by_name(read: _Reader) -> _Reader:
+    """Return what reads a table whose values are read so."""
+    return lambda value, where, folder: tuple(
+        (key, read(each, f"{where}: {key}", folder)) for key, each in _table(value, where).items()
+    )
 
 
 def _severities(value: Any, where: str, _folder: Path) -> tuple[tuple[str, Severity], ...]:
@@ -206,23 +210,18 @@ def _patterns(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
     return tuple(value)
 
 
-def _assets(value: Any, where: str, folder: Path) -> tuple[tuple[str, Path], ...]:
-    table = _table(value, where)
-    return tuple((name, _path(place, f"{where}: {name}", folder)) for name, place in table.items())
-
-
-_KEYS: dict[str, Callable[[Any, str, Path], Any]] = {
+_KEYS: dict[str, _Reader] = {
     "rules": _own_rules,
     "select": _rules,
     "ignore": _rules,
-    "per-file-ignores": _ignores,
+    "per-file-ignores": _by_name(_rules),
     "severity": _severities,
     "parameters": _parameters,
     "checkpoints": _checkpoints,
     "starter": _path,
     "maps": _path,
     "lab": _path,
-    "assets": _assets,
+    "assets": _by_name(_path),
     "exclude": _patterns,
     "extend-exclude": _patterns,
 }

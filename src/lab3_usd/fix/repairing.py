@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -406,17 +406,12 @@ def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
             edits = finding.fix.edits if finding.fix else ()
             repaired.add(finding.prim)
             repaired.update(edit.to if isinstance(edit, MovePrim) else edit.prim for edit in edits)
-    return all(
-        site_of(finding) in sites or _is_among(finding, repaired)
-        for finding in tried.after
-        if finding.severity == "error"
-    )
-
-
-def _is_among(finding: Finding, prims: Collection[str]) -> bool:
-    """Whether a finding, with all that it relates to, is about these prims or some below them."""
-    paths = (finding.prim, *(related.partition(".")[0] for related in finding.related))
-    return all(any(is_at_or_below(path, prim) for prim in prims) for path in paths)
+    for finding in tried.after:
+        if finding.severity == "error" and site_of(finding) not in sites:
+            paths = (finding.prim, *(related.partition(".")[0] for related in finding.related))
+            if not all(any(is_at_or_below(path, prim) for prim in repaired) for path in paths):
+                return False
+    return True
 
 
 def weight(findings: Iterable[Finding]) -> tuple[int, int]:

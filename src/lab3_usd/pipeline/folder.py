@@ -106,6 +106,9 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
         evidence = replace(evidence, recordings=recordings)
     required = settings.require_evidence
     handed_in = settings.handed_in or required or _is_concluded(contents)
+    stages = contents.listing.stages
+    due = [n for n, point in lab.checkpoints.items() if not point.optional or n in stages]
+    last_due = due[-1] if due else lab.last  # that must be handed in, or was
     readable = [result.path for result in results.values() if result.verdict != "unreadable"]
     subject = SubmissionSubject(
         lab=lab,
@@ -128,7 +131,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
         ),
         judge_parameters(contents),
         judge_saved_outputs(
-            contents, evidence, _last_due(contents) if required else until,
+            contents, evidence, last_due if required else until,
             required=required, handed_in=handed_in,
         ),
     ))  # fmt: skip
@@ -148,13 +151,6 @@ def _is_concluded(contents: FolderContents) -> bool:
         deliverable.concludes and len(held.get(name, ())) >= deliverable.at_least
         for name, deliverable in contents.spec.deliverables.items()
     )
-
-
-def _last_due(contents: FolderContents) -> str:
-    """Return the last checkpoint that must be handed in, or was."""
-    checkpoints = contents.lab.checkpoints.items()
-    due = [n for n, point in checkpoints if not point.optional or n in contents.listing.stages]
-    return due[-1] if due else contents.lab.last
 
 
 def _results(

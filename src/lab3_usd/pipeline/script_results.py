@@ -124,8 +124,9 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
             for each in script.unknown
         ]
     gaps += [f"reading ended in line {line}: it takes too many steps" for line in script.stopped]
-    every = [_gaps_of_all([each.gaps for each in judged])] if judged else []
-    gaps += [gap for found in every for gap in found]
+    if judged:  # where one way can be judged, something was
+        first, *rest = (each.gaps for each in judged)
+        gaps += [gap for gap in first if all(gap in own for own in rest)]
     findings = list(ordered(findings))
     crashes = tuple(dict.fromkeys(results.crashes))
     gaps = list(dict.fromkeys(gaps))
@@ -138,11 +139,6 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
         coverage=_coverage(script, [each.coverage for each in judged if each.coverage is not None]),
         gaps=tuple(gaps),
     )
-
-
-def _gaps_of_all(gaps: Sequence[Sequence[str]]) -> list[str]:
-    """Return the gaps of every way: where one way can be judged, something was."""
-    return [gap for gap in gaps[0] if all(gap in others for others in gaps[1:])]
 
 
 def _coverage(script: ReadScript, parts: Sequence[NodeCoverage]) -> NodeCoverage:
@@ -188,15 +184,20 @@ def _span(finding: Finding, stage: BuiltStage) -> Span | None:
 
 def _certain(stages: Sequence[BuiltStage], placed: Sequence[list[_Placed]]) -> Iterator[_Placed]:
     """Yield what is found on every way that comes by the same lines."""
-    keys = [{_key(each) for each in found} for found in placed]
-    for number, (stage, found) in enumerate(zip(stages, placed, strict=True)):
-        others = [other for other, each in enumerate(stages) if other != number]
-        for each in found:
+    keys = [{_key(each) for each in findings} for findings in placed]
+    visited = [
+        {
+            *stage.world.places,
+            *(graph.at for graph in stage.world.graphs.values()),
+            *(node.at for node in stage.world.nodes.values()),
+        }
+        for stage in stages
+    ]
+    for stage, findings in zip(stages, placed, strict=True):
+        for each in findings:
             spans = {span for span in (each.span, *_related(each.finding, stage)) if span}
-            required = [other for other in others if spans <= _visited(stages[other])]
-            if all(_key(each) in keys[other] for other in required) and not _is_expected(
-                each, stages
-            ):
+            required = (own for own, seen in zip(keys, visited, strict=True) if spans <= seen)
+            if all(_key(each) in own for own in required) and not _is_expected(each, stages):
                 yield each
 
 
@@ -223,11 +224,6 @@ def _related(finding: Finding, stage: BuiltStage) -> Iterator[Span]:
     for prim in finding.related:
         if (prim, None, None) in places:
             yield places[prim, None, None]
-
-
-def _visited(stage: BuiltStage) -> set[Span]:
-    graphs = (graph.at for graph in stage.world.graphs.values())
-    return {*stage.world.places, *graphs, *(node.at for node in stage.world.nodes.values())}
 
 
 def _is_expected(placed: _Placed, stages: Sequence[BuiltStage]) -> bool:
@@ -294,7 +290,9 @@ def _without_ignored(
         covering = {
             note
             for note in notes
-            if span and is_among(finding.rule, (note.rule,)) and _is_about(note, span)
+            if span
+            and is_among(finding.rule, (note.rule,))
+            and (span[0] == note.line or span[0] <= (note.written or 0) <= span[2])
         }
         used |= covering
         if not covering:
@@ -302,10 +300,6 @@ def _without_ignored(
     for note in notes:
         if note not in used:
             yield from unused_note(replace(note, written=source.line(note.written or 1)))
-
-
-def _is_about(note: IgnoreNote, span: Span) -> bool:
-    return span[0] == note.line or span[0] <= (note.written or 0) <= span[2]
 
 
 def _notes(source: Source, path: str) -> Iterator[IgnoreNote]:

@@ -149,26 +149,18 @@ async def _judge(server: StageServer, uri: str, wait: float = 0.0) -> None:
 
 def _diagnostic(document: TextDocument, finding: Finding) -> types.Diagnostic:
     """Return a finding as an editor marks it: from its column to the end of its line."""
+    site = f"{finding.prim}.{finding.property}" if finding.property else finding.prim
+    hint = f"\nhint: {as_called(finding.hint)}" if finding.hint else ""
+    # Custom rules have no page, and no rule while there is no site.
+    page = "" if finding.rule in own_rules() else rule_address(finding.rule)
     return types.Diagnostic(
         range=_range_of(document, finding),
         severity=_SEVERITIES[finding.severity],
         code=finding.rule,
-        code_description=_page_of(finding.rule),
+        code_description=types.CodeDescription(page) if page else None,
         source=_SOURCE,
-        message=_message(finding),
+        message=f"{finding.name}: {finding.message}\n{site}{hint}",
     )
-
-
-def _page_of(rule_id: str) -> types.CodeDescription | None:
-    """Return the page of a rule; custom rules have none, and no rule while there is no site."""
-    address = "" if rule_id in own_rules() else rule_address(rule_id)
-    return types.CodeDescription(address) if address else None
-
-
-def _message(finding: Finding) -> str:
-    site = f"{finding.prim}.{finding.property}" if finding.property else finding.prim
-    lines = [f"{finding.name}: {finding.message}", site]
-    return "\n".join([*lines, f"hint: {as_called(finding.hint)}"] if finding.hint else lines)
 
 
 def _range_of(document: TextDocument, finding: Finding) -> types.Range:

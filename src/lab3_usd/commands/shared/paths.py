@@ -242,9 +242,9 @@ def _refuse(path: Path, read: Iterable[Path], kind: OutputFile | None) -> None:
             raise UsageError(f"{path}: {what}; {advice}")
         if kind is None or not (path.exists() and place.is_dir()):
             continue
-        if (_key(place) in _keys_above(path) or _is_linked_from(path, place)) and not (
-            kind.may_replace(path)
-        ):
+        above = {str(folder).casefold() for folder in Path(os.path.realpath(path)).parents}
+        is_inside = _key(place) in above or _is_linked_from(path, place)
+        if is_inside and not kind.may_replace(path):
             raise UsageError(
                 f"{path}: exists in {place}, which this command reads; name another file"
             )
@@ -253,10 +253,6 @@ def _refuse(path: Path, read: Iterable[Path], kind: OutputFile | None) -> None:
 def _key(path: Path) -> str:
     """Return where a path leads, by one spelling: some systems count capitals as small letters."""
     return os.path.realpath(path).casefold()
-
-
-def _keys_above(path: Path) -> set[str]:
-    return {str(folder).casefold() for folder in Path(os.path.realpath(path)).parents}
 
 
 def _are_same(path: Path, other: Path) -> bool:

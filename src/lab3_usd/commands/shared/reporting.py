@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,7 +30,6 @@ from lab3_usd.spec.load.loader import load_lab
 
 if TYPE_CHECKING:
     from lab3_usd.fix.line_changes import Changes
-    from lab3_usd.model.grade import GradeSummary
 
 GRADESCOPE = "gradescope"  # the format with the points of grading
 
@@ -140,7 +139,12 @@ _FOR_REPAIRS = (
 
 
 def rendered(report: Report, reporting: Reporting) -> str:
-    """Return a report in the format asked for."""
+    """Return a report in the format asked for.
+
+    Raises:
+        SpecError: the rubric of the lab is wrong.
+        UsageError: a grade is asked for several submissions.
+    """
     options, view = reporting.report, reporting.view
     form = format_named(options.form)
     rules = None
@@ -154,6 +158,8 @@ def rendered(report: Report, reporting: Reporting) -> str:
 
         changes = text_changes(report, load_lab(), reporting.starter)
     to_terminal = options.output is None
+    is_checked = any(result.checkpoint is not None for result in report.results)
+    has_points = options.form == "text" and is_checked and len(report.results) > 1
     render_options = Options(
         color=to_terminal and wants_color(),
         width=width() if to_terminal and options.form == "text" else 100,
@@ -161,31 +167,14 @@ def rendered(report: Report, reporting: Reporting) -> str:
         statistics=view.statistics,
         source=view.source,
         each=view.each,
-        points=_points(report) if options.form == "text" else {},
-        grade=_grade(report) if options.form == GRADESCOPE else None,
+        points=load_lab().points if has_points else {},
+        grade=hooks.grade_of(report, load_lab()) if options.form == GRADESCOPE else None,
         editor=True,
         changes=changes,
         lab=lab_words(click.get_current_context()),
         given=tuple(given_words(click.get_current_context(), _FOR_REPAIRS)),
     )
     return render(options.form, report, rules, render_options)
-
-
-def _points(report: Report) -> Mapping[str, float]:
-    """Return the points of each checkpoint in the lab's rubric, for stages reported together."""
-    if len(report.results) < 2 or all(result.checkpoint is None for result in report.results):  # noqa: PLR2004
-        return {}
-    return load_lab().points
-
-
-def _grade(report: Report) -> GradeSummary | None:
-    """Return the points of what was checked, as grading gives them for the same files.
-
-    Raises:
-        SpecError: the rubric of the lab is wrong.
-        UsageError: there are several submissions.
-    """
-    return hooks.grade_of(report, load_lab())
 
 
 def write_report(text: str, output: str | None) -> None:

@@ -44,9 +44,10 @@ def read_command(line: str) -> TypedCommand | None:
     if _PROGRAM not in line:
         return None
     words = _without_markup(line).split()
-    at = next((i for i, word in enumerate(words) if _is_program(word)), None)
-    if at is None:
+    names = [word.lstrip("'\"").rpartition("/")[2] for word in words]
+    if _PROGRAM not in names:
         return None
+    at = names.index(_PROGRAM)
     before, command = words[:at], words[at:]
     if any(word in {"&&", "||", "|"} or word.endswith(";") for word in before):
         return TypedCommand((_PROGRAM,), shown=False)
@@ -80,10 +81,6 @@ def _without_markup(line: str) -> str:
     code = rest.strip("*_: ")
     inside = code.strip("`")
     return inside if code.startswith("`") and code.endswith("`") and "`" not in inside else ""
-
-
-def _is_program(word: str) -> bool:
-    return word.lstrip("'\"").rpartition("/")[2] == _PROGRAM
 
 
 def _may_precede(words: list[str]) -> bool:
@@ -261,7 +258,9 @@ def _named_block(text: str, name: str, ros: RosSpec) -> Iterator[CommandOutput]:
         if command.file == name:
             yield CommandOutput(command.kind.name, command.target, text)
             return
-    kind = _looks_like(text, ros) or _kind_in(name)
+    words = file_word(name).lower().split("_")  # tell of an output that says nothing of itself
+    named = (kind for word, kind in _NAMED.items() if word in words)
+    kind = _looks_like(text, ros) or next(named, None)
     if kind == "lifecycles":
         yield CommandOutput("lifecycle", "", text)
     elif kind in {"topic_list", "node_list", "view_frames"}:
@@ -279,12 +278,6 @@ def _looks_like(text: str, ros: RosSpec) -> str | None:
         return "topic_list" if known & {line.split()[0] for line in lines} else "node_list"
     plain = "\n".join(line.rstrip() for line in text.strip().splitlines())
     return next((kind for kind, pattern in _CONTENT_PATTERNS if pattern.search(plain)), None)
-
-
-def _kind_in(name: str) -> str | None:
-    """Tell the kind of an output that says nothing of itself by a word in the file's name."""
-    words = file_word(name).lower().split("_")
-    return next((kind for word, kind in _NAMED.items() if word in words), None)
 
 
 def _target_in(name: str, commands: Sequence[Command]) -> str:

@@ -230,17 +230,14 @@ def _endpoints(text: str) -> Iterator[ListedEndpoint]:
         name, *rest = part.split("\n")
         fields = (line.partition(":") for line in rest)
         fields_shown = {key.strip(): value.strip() for key, _, value in fields if value.strip()}
+        namespace = fields_shown.get("Node namespace", "/").strip("/")
         yield ListedEndpoint(
-            node=_full_name(fields_shown.get("Node namespace", "/"), name.strip()),
+            node=f"/{namespace}/{name.strip()}".replace("//", "/"),
             publishes=fields_shown.get("Endpoint type", "PUBLISHER") != "SUBSCRIPTION",
             type=fields_shown.get("Topic type", ""),
             reliability=fields_shown.get("Reliability", "").lower(),
             durability=fields_shown.get("Durability", "").lower(),
         )
-
-
-def _full_name(namespace: str, name: str) -> str:
-    return f"/{namespace.strip('/')}/{name}".replace("//", "/")
 
 
 def parse_state(text: str) -> str | None:

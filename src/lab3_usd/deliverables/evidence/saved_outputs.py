@@ -90,18 +90,19 @@ def _texts(files: Mapping[str, Path]) -> dict[str, str]:
 
     Of a long one its beginning is read, and no more than so much of all of them together.
     """
-    room, found = _MOST_OF_ALL, {}
-    texts = [name for name in files if _is_text(PurePosixPath(name))]
-    for name in sorted(texts, key=lambda name: PurePosixPath(name).name != MANIFEST)[:_MOST_FILES]:
+    room = _MOST_OF_ALL
+    texts: dict[str, str] = {}
+    names = [
+        name
+        for name, path in zip(files, map(PurePosixPath, files), strict=True)
+        if path.name == MANIFEST or path.suffix.lower() in _ENDINGS
+    ]
+    for name in sorted(names, key=lambda name: PurePosixPath(name).name != MANIFEST)[:_MOST_FILES]:
         data = first_bytes(files[name], min(_MOST_BYTES, room))
         room -= len(data)
         wide = data.startswith((b"\xff\xfe", b"\xfe\xff"))
-        found[name] = data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
-    return found
-
-
-def _is_text(name: PurePosixPath) -> bool:
-    return name.name == MANIFEST or name.suffix.lower() in _ENDINGS
+        texts[name] = data.decode("utf-16" if wide else "utf-8-sig", errors="replace")
+    return texts
 
 
 def _facts(text: str, name: str, ros: RosSpec, *, ran: bool) -> Iterator[tuple[str, str, object]]:

@@ -201,11 +201,8 @@ def _add_layer(
 
 def _is_refused(added: Added, asked: AddingOptions, played: Sequence[Check]) -> bool:
     """Whether nothing may be written: for new findings, or for what the dry run shows."""
-    return bool(added.new or _bad(played)) and not asked.force
-
-
-def _bad(played: Sequence[Check]) -> list[Check]:
-    return [check for check in played if check.verdict == "bad"]
+    is_worse = bool(added.new) or any(check.verdict == "bad" for check in played)
+    return is_worse and not asked.force
 
 
 def _report(
