@@ -14,11 +14,11 @@ EXIT_INTERRUPTED = 130  # what a shell says of a command that Ctrl-C ended
 _BY_SIGNAL = 128  # and the number of the signal: what it says of others, as of SIGTERM (143)
 
 
-def guess(name: str, known: Iterable[str], otherwise: str = "") -> str:
+def guess(name: str, candidates: Iterable[str], otherwise: str = "") -> str:
     """Return which known name may be meant; where none is near, `otherwise` or all of them."""
     from difflib import get_close_matches
 
-    names = list(known)
+    names = list(candidates)
     if near := " or ".join(f"'{match}'" for match in get_close_matches(name, names)):
         return f"did you mean {near}?"
     return otherwise or f"known are {', '.join(names)}"

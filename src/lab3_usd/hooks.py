@@ -87,8 +87,8 @@ def features() -> Iterator[Feature]:
 
 def added_to(command: str) -> list[Any]:
     """Return the modules with the options that features add to a command."""
-    found = (feature.additions.get(command) for feature in features())
-    return [importlib.import_module(module) for module in found if module is not None]
+    modules = (feature.additions.get(command) for feature in features())
+    return [importlib.import_module(module) for module in modules if module is not None]
 
 
 def _answer(name: str) -> Callable[..., Any] | None:
@@ -156,8 +156,8 @@ def find_untrusted(path: str) -> list[Target]:
     Raises:
         UsageError: it is neither a folder nor an archive.
     """
-    found: list[Target] = _needed("find_untrusted")(path)
-    return found
+    targets: list[Target] = _needed("find_untrusted")(path)
+    return targets
 
 
 def judge_untrusted(

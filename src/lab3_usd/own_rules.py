@@ -160,9 +160,9 @@ def rule_cases(folder: Path) -> list[RuleCase]:
 def _cases_in(file: Path) -> Iterator[RuleCase]:
     cases = as_record(read_yaml(file), _Cases, file.name)
     triggers = {"break": _Trigger(expect=cases.expect, steps=cases.steps), **cases.more}
-    others = {"clear": cases.clear, **cases.alike}
+    further = {"clear": cases.clear, **cases.alike}
     all_cases = [(name, case.steps, case.expect) for name, case in triggers.items()]
-    all_cases += [(name, steps, ()) for name, steps in others.items()]
+    all_cases += [(name, steps, ()) for name, steps in further.items()]
     for name, steps, expect in all_cases:
         edits = tuple(_edit(step, f"{file.name}: {name}") for step in steps)
         yield RuleCase(file.stem, name, file.parent / cases.stage, edits, tuple(sorted(expect)))

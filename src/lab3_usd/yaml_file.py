@@ -151,14 +151,14 @@ def line_of(path: Path, keys: Iterable[str | int]) -> int:
     line = node.start_mark.line
     for key in keys:
         if isinstance(node, yaml.SequenceNode) and isinstance(key, int):
-            found = [(entry, entry) for entry in node.value[key : key + 1]]
+            entries = [(entry, entry) for entry in node.value[key : key + 1]]
         elif isinstance(node, yaml.MappingNode):
-            found = [(name, value) for name, value in node.value if name.value == key]
+            entries = [(name, value) for name, value in node.value if name.value == key]
         else:
             break
-        if not found:
+        if not entries:
             break
-        name, node = found[0]
+        name, node = entries[0]
         line = name.start_mark.line
     return int(line) + 1
 
@@ -217,11 +217,11 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:
     """Return the keys that lead to the first slip, and what is wrong there."""
     kind = _meant(data, kind)
     if _is_record(kind) and isinstance(data, dict):
-        known = {field.encode_name: field for field in _fields(kind)}
-        unknown = [key for key in data if key not in known]
+        by_key = {field.encode_name: field for field in _fields(kind)}
+        unknown = [key for key in data if key not in by_key]
         if unknown and kind.__struct_config__.forbid_unknown_fields:
-            return [], _unknown_key(unknown[0], kind, known)
-        for name, field in known.items():
+            return [], _unknown_key(unknown[0], kind, by_key)
+        for name, field in by_key.items():
             if field.required and name not in data:
                 return [], f"'{name}' is missing"
     for name, value, inner in _inside(data, kind):
@@ -243,13 +243,13 @@ def _refusal(data: Any, kind: Any) -> str:
     return "is refused"
 
 
-def _unknown_key(key: Any, kind: Any, known: Iterable[str]) -> str:
+def _unknown_key(key: Any, kind: Any, keys: Iterable[str]) -> str:
     former, gone = getattr(kind, "FORMER", {}), getattr(kind, "GONE", {})
     if key in former:
         return f"{key!r} is called {former[key]!r} now"
     if key in gone:
         return f"{key!r} is gone: {gone[key]}"
-    return f"{key!r} is not known; known are {', '.join(known)}"
+    return f"{key!r} is not known; known are {', '.join(keys)}"
 
 
 @cache

@@ -124,7 +124,7 @@ def new_findings(
     platform: Platform,
 ) -> tuple[tuple[tuple[Finding, str], ...], tuple[Finding, ...]]:
     """Return the new errors and warnings: those that another command resolves, and the others."""
-    known = {_key(finding) for finding in before}
+    earlier = {_key(finding) for finding in before}
     leaves: dict[str, str] = {}
     for addition in additions:
         recipe = platform.recipes.get(addition.request.kind)
@@ -132,7 +132,7 @@ def new_findings(
     tops = [addition.graph for addition in additions]
     awaited, new = [], []
     for finding in after:
-        if finding.severity == "note" or _key(finding) in known:
+        if finding.severity == "note" or _key(finding) in earlier:
             continue
         places = (finding.prim, *finding.related)
         if finding.rule in leaves:

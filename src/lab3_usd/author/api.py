@@ -72,8 +72,8 @@ class NodeOf:
         kind = self._made.type
         if any(kind.port(side + name) for side in (INPUT, OUTPUT)):
             return PortOf(self, name)
-        known = [port.rpartition(":")[2] for port in kind.ports]
-        raise GraphError(f"{self.name}.{name}: no port '{name}'{near_name(name, known)}")
+        ports = [port.rpartition(":")[2] for port in kind.ports]
+        raise GraphError(f"{self.name}.{name}: no port '{name}'{near_name(name, ports)}")
 
     def __dir__(self) -> list[str]:
         """Name the ports."""
@@ -107,8 +107,8 @@ class GraphOf:
         """
         node = self._nodes.get(name) or self._there.get(name)
         if node is None:
-            known = [*self._nodes, *self._there]
-            raise GraphError(f"{self.path} has no node '{name}'{near_name(name, known)}")
+            names = [*self._nodes, *self._there]
+            raise GraphError(f"{self.path} has no node '{name}'{near_name(name, names)}")
         return node
 
     def node(self, kind: str, name: str = "", /, **values: Any) -> NodeOf:
@@ -208,13 +208,13 @@ class Stage:
             AmbiguousError: there are several; `candidates` names them.
             UsageError: there is none.
         """
-        known = self.robots()
-        found = [r for r in known if not path or path in (r.path, r.root, r.base)]
-        if len(found) == 1:
-            return found[0]
-        if found:
-            raise AmbiguousError("robot", [robot_line(robot) for robot in found], "its path")
-        there = ", ".join(robot.path for robot in known) or "none"
+        candidates = self.robots()
+        fitting = [r for r in candidates if not path or path in (r.path, r.root, r.base)]
+        if len(fitting) == 1:
+            return fitting[0]
+        if fitting:
+            raise AmbiguousError("robot", [robot_line(robot) for robot in fitting], "its path")
+        there = ", ".join(robot.path for robot in candidates) or "none"
         raise UsageError(f"{self.path}: there is no robot{f' {path}' if path else ''}: {there}")
 
     @quiet()
@@ -301,9 +301,9 @@ class Stage:
 
 
 def _free(name: str, taken: Iterable[str]) -> str:
-    known = set(taken)
+    taken_names = set(taken)
     number, free = 1, name
-    while free in known:
+    while free in taken_names:
         free = f"{name}_{number:02}"
         number += 1
     return free

@@ -48,9 +48,9 @@ def choose_robot(stage: StageModel, options: Options, need: str = "") -> Robot:
     """
     if options.robot is not None:
         return _named_robot(options.robot, stage)
-    known = [robot for robot in robots(stage) if robot.root]
-    fitting = [robot for robot in known if robot.wheels] if need == WHEELED else known
-    fitting = fitting or known
+    rooted = [robot for robot in robots(stage) if robot.root]
+    fitting = [robot for robot in rooted if robot.wheels] if need == WHEELED else rooted
+    fitting = fitting or rooted
     if len(fitting) == 1:
         return fitting[0]
     if fitting:
@@ -120,18 +120,18 @@ def choose_sensor(recipe: Recipe, stage: StageModel, options: Options) -> Sensor
         _check_type(prim, recipe, wanted)
         carrier = joined_bodies(stage).carrier(prim.path)
         return Sensor(prim, recipe.kind, frame_of_prim(prim.path, stage), carrier)
-    found = [sensor for sensor in sensors(stage) if sensor.kind == recipe.kind]
+    candidates = [sensor for sensor in sensors(stage) if sensor.kind == recipe.kind]
     if options.robot is not None:
         robot = _named_robot(options.robot, stage)
         own = {sensor.prim.path for sensor in robot.sensors}
-        found = [
+        candidates = [
             sensor
-            for sensor in found
+            for sensor in candidates
             if sensor.prim.path in own or is_at_or_below(sensor.prim.path, options.robot)
         ]
-    if len(found) > 1:
-        raise AmbiguousError(recipe.kind, [sensor.prim.path for sensor in found], "--prim")
-    if not found:
+    if len(candidates) > 1:
+        raise AmbiguousError(recipe.kind, [sensor.prim.path for sensor in candidates], "--prim")
+    if not candidates:
         missing = next(iter(stage.unresolved), None)
         if missing is not None:
             raise UsageError(
@@ -139,8 +139,8 @@ def choose_sensor(recipe: Recipe, stage: StageModel, options: Options) -> Sensor
                 f"({missing.prim})"
             )
         raise UsageError(f"there is no {recipe.kind}: no prim of type {' or '.join(wanted.types)}")
-    _check_type(found[0].prim, recipe, wanted)
-    return found[0]
+    _check_type(candidates[0].prim, recipe, wanted)
+    return candidates[0]
 
 
 def _check_type(prim: Prim, recipe: Recipe, wanted: SensorKind) -> None:
@@ -157,13 +157,13 @@ def stopping_fault(prim: Prim, stage: StageModel, *, is_scan: bool) -> str:
     return next((fault.message for fault in faults), "")
 
 
-def choose_joints(robot: Robot, names: Sequence[str], known: Iterable[str]) -> None:
+def choose_joints(robot: Robot, names: Sequence[str], joint_names: Iterable[str]) -> None:
     """Refuse a joint that a robot does not have.
 
     Raises:
         UsageError: there is none of this name.
     """
-    have = list(known)
+    have = list(joint_names)
     for name in names:
         if name not in have:
             near = did_you_mean(likely_name(name, have))

@@ -93,23 +93,23 @@ def graph_to_extend(path: str, stage: StageModel) -> GraphModel:
     Raises:
         UsageError: there is none at the path, or nothing in it is run by signals.
     """
-    found = next((graph for graph in stage.graphs if graph.path == path), None)
-    if found is None:
-        known = ", ".join(graph.path for graph in stage.graphs) or "none"
-        raise UsageError(f"--into {path}: there is no graph; the stage has {known}")
+    target = next((graph for graph in stage.graphs if graph.path == path), None)
+    if target is None:
+        paths = ", ".join(graph.path for graph in stage.graphs) or "none"
+        raise UsageError(f"--into {path}: there is no graph; the stage has {paths}")
     form = stage.platform.graph
-    evaluator = found.attributes.get(form.evaluation.evaluator)
+    evaluator = target.attributes.get(form.evaluation.evaluator)
     if evaluator in form.evaluation.all_nodes:
         raise UsageError(
             f"--into {path}: is no Action Graph but a {evaluator} graph, in which every node "
             "computes at each update; choose an Action Graph, or a new one with --graph"
         )
     wanted = form.evaluation.on_demand
-    pipeline = found.attributes.get(form.evaluation.stage)
+    pipeline = target.attributes.get(form.evaluation.stage)
     if pipeline in wanted:
         raise UsageError(f"--into {path}: runs on demand ({pipeline}), not at each frame")
-    if not found.active:
+    if not target.active:
         raise UsageError(f"--into {path}: the graph is deactivated")
-    if found.instanced or stage.instance_above(path):
+    if target.instanced or stage.instance_above(path):
         raise UsageError(f"--into {path}: is in an instance, of which Isaac Sim loads no graph")
-    return found
+    return target

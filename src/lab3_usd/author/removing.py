@@ -74,12 +74,12 @@ def remove_graph(path: Path, request: Request, release: str) -> Removed:
     finally:
         release_start_values(stage)
         editing.session.close()
-    known = {(f.rule, f.identity or f.prim, f.property) for f in before}
+    earlier = {(f.rule, f.identity or f.prim, f.property) for f in before}
     new = tuple(
         finding
         for finding in after
         if finding.severity != "note"
-        and (finding.rule, finding.identity or finding.prim, finding.property) not in known
+        and (finding.rule, finding.identity or finding.prim, finding.property) not in earlier
     )
     return Removed(path, chosen.graph, chosen.is_foreign, prims, new, state, data)
 
@@ -114,16 +114,16 @@ def _candidates(recipe: Recipe, editing: Editing) -> Iterator[Candidate]:
     """Yield the graphs and nodes of a kind: brought by recipes or alike."""
     form = editing.platform.graph
     added = added_prims(editing.session.stage, form.type, form.node_type)
-    found = [Candidate(path) for path, kind in added.graphs.items() if kind == recipe.kind]
+    candidates = [Candidate(path) for path, kind in added.graphs.items() if kind == recipe.kind]
     by_graph: dict[str, list[str]] = {}
     for path, kind in added.nodes.items():
         if kind == recipe.kind:
             by_graph.setdefault(path.rpartition("/")[0], []).append(path)
-    found += [Candidate(graph, tuple(nodes)) for graph, nodes in by_graph.items()]
-    known = {candidate.graph for candidate in found} | set(added.graphs)
-    yield from found
+    candidates += [Candidate(graph, tuple(nodes)) for graph, nodes in by_graph.items()]
+    paths = {candidate.graph for candidate in candidates} | set(added.graphs)
+    yield from candidates
     for graph in editing.model.graphs:
-        if graph.path not in known and _does(graph, recipe, editing):
+        if graph.path not in paths and _does(graph, recipe, editing):
             yield Candidate(graph.path, is_foreign=True)
 
 
@@ -147,7 +147,7 @@ def _tells(kind: NodeType) -> bool:
 
 
 def _nodes(candidate: Candidate, model: StageModel) -> list[Node]:
-    graph = next(found for found in model.graphs if found.path == candidate.graph)
+    graph = next(each for each in model.graphs if each.path == candidate.graph)
     return [n for n in graph.nodes if not candidate.nodes or n.path in candidate.nodes]
 
 
@@ -182,7 +182,7 @@ def _is_ours(candidate: Candidate, request: Request, model: StageModel) -> bool:
 def _is_asked(candidate: Candidate, request: Request, model: StageModel) -> bool:
     """Whether a graph has what the request would add."""
     recipe = recipe_of(request.kind, model.platform.recipes)
-    graph = next(found for found in model.graphs if found.path == candidate.graph)
+    graph = next(each for each in model.graphs if each.path == candidate.graph)
     try:
         subject = subjects(model, recipe, request.options)
         task = Task(model, recipe, request.options, candidate.graph, *subject, force=True)

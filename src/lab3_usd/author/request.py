@@ -100,9 +100,9 @@ def checked(request: Request, recipes: Mapping[str, Recipe]) -> Recipe:
     taken = taken_options(recipe)
     for name in request.options.given():
         if name not in taken:
-            known = ", ".join(sorted(map(option_name, taken)))
+            accepted = ", ".join(sorted(map(option_name, taken)))
             raise UsageError(
-                f"{option_name(name)} does not apply to {recipe.kind}, which has {known}"
+                f"{option_name(name)} does not apply to {recipe.kind}, which has {accepted}"
             )
     if request.options.graph and request.options.into:
         raise UsageError("--graph makes a new graph, and --into extends one: give one of the two")
@@ -130,12 +130,12 @@ def options_of(values: Mapping[str, Any], where: str) -> Options:
         UsageError: one is unknown, or has another type.
     """
     named = {name.replace("_", "-"): value for name, value in values.items() if value is not None}
-    known = [field.encode_name for field in fields(Options)]
+    names = [field.encode_name for field in fields(Options)]
     for name in named:
-        if name not in known:
-            near = did_you_mean(likely_name(name, known))
+        if name not in names:
+            near = did_you_mean(likely_name(name, names))
             raise UsageError(
-                f"{where}: '{name}' is not an option{near}; known are {', '.join(known)}"
+                f"{where}: '{name}' is not an option{near}; known are {', '.join(names)}"
             )
     try:
         return msgspec.convert(named, Options)
@@ -191,8 +191,8 @@ def _at(path: Path, *keys: str | int) -> Iterator[None]:
 def _option(key: str, value: Any, recipe: Recipe) -> Options:
     """Return one option of a file."""
     name = key.replace("_", "-")
-    known = sorted(taken.replace("_", "-") for taken in taken_options(recipe))
-    if name not in known:
-        near, listed = did_you_mean(likely_name(name, known)), ", ".join(known)
+    names = sorted(taken.replace("_", "-") for taken in taken_options(recipe))
+    if name not in names:
+        near, listed = did_you_mean(likely_name(name, names)), ", ".join(names)
         raise UsageError(f"'{key}' is not an option of {recipe.kind}{near}; known are {listed}")
     return as_record({name: value}, Options, recipe.kind)

@@ -56,13 +56,13 @@ def _frame_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
 
 
 def _joint_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
-    found = [(command, named_joints(command, stage)) for command in commands(stage)]
-    for own, names in found:
+    named = [(command, named_joints(command, stage)) for command in commands(stage)]
+    for own, names in named:
         if own.node.path not in new or not names:
             continue
-        for other, others in found:
-            if other.node.path in new or not others or not set(own.roots) & set(other.roots):
+        for other, joint_names in named:
+            if other.node.path in new or not joint_names or not set(own.roots) & set(other.roots):
                 continue
-            shared = [name for name in names if name in others]
+            shared = [name for name in names if name in joint_names]
             if shared:
                 yield Rival(f"commands {', '.join(shared)} already", other.node.path, own.node.path)

@@ -51,8 +51,8 @@ def domain_holes(task: Task) -> Iterator[Hole]:
         yield Hole("domain", number, "domain", str(number), "given", "--domain")
         yield Hole("domain_by_environment", value=False)
         return
-    known = domains(task.stage)
-    if not known:
+    by_domain = domains(task.stage)
+    if not by_domain:
         yield Hole(
             "domain", None, "domain", "ROS_DOMAIN_ID, else 0", "as Isaac Sim's default", "--domain"
         )
@@ -61,12 +61,12 @@ def domain_holes(task: Task) -> Iterator[Hole]:
     clocks = list(
         dict.fromkeys(stamp.domain for stamp in topic_clocks(task.stage) if stamp.is_clock)
     )
-    found = clocks if len(clocks) == 1 else list(known)
-    if len(found) > 1:
-        names = [f"{domain} ({nodes[0].path})" for domain, nodes in known.items()]
+    choices = clocks if len(clocks) == 1 else list(by_domain)
+    if len(choices) > 1:
+        names = [f"{domain} ({nodes[0].path})" for domain, nodes in by_domain.items()]
         raise AmbiguousError("ROS domain", names, "--domain")
-    domain = found[0]
-    source = known[domain][0].path if domain in known else "the clock's"
+    domain = choices[0]
+    source = by_domain[domain][0].path if domain in by_domain else "the clock's"
     shown = f"ROS_DOMAIN_ID, else {domain.name}" if domain.from_environment else domain.name
     yield Hole("domain", domain.number or None, "domain", shown, f"as {source}", "--domain")
     yield Hole("domain_by_environment", None if domain.from_environment else False)
@@ -100,9 +100,11 @@ def namespace_holes(task: Task) -> Iterator[Hole]:
 
 def time(task: Task) -> Iterator[Hole]:
     """Yield whether simulation time begins anew after Stop, as elsewhere in the stage."""
-    known = {stamp.restarts for stamp in topic_clocks(task.stage) if stamp.restarts is not None}
-    restarts = next(iter(known)) if len(known) == 1 else True
-    if known and not restarts:
+    restarting = {
+        stamp.restarts for stamp in topic_clocks(task.stage) if stamp.restarts is not None
+    }
+    restarts = next(iter(restarting)) if len(restarting) == 1 else True
+    if restarting and not restarts:
         yield Hole(
             "restart",
             value=False,

@@ -64,8 +64,8 @@ def outputs(task: Task) -> Iterator[Hole]:
     for name in asked:
         if name not in recipe.outputs:
             near = did_you_mean(likely_name(name, list(recipe.outputs)))
-            known = ", ".join(recipe.outputs)
-            raise UsageError(f"--publish {name}: {recipe.kind} has {known}{near}")
+            output_names = ", ".join(recipe.outputs)
+            raise UsageError(f"--publish {name}: {recipe.kind} has {output_names}{near}")
     names = [name for name in dict.fromkeys(asked) if name not in _INFO]
     topics = _topics_by_output(task, names)
     if not asked:
@@ -136,18 +136,18 @@ def metadata(task: Task) -> Iterator[Hole]:
     """Yield what a point cloud has beside points, and the outputs with and without it."""
     recipe, asked = task.recipe, task.options.metadata
     items = next(hole.value for hole in outputs(task) if hole.name == "outputs")
-    known = {
+    kinds = {
         value.rpartition(".")[2]: value
         for node in recipe.nodes.values()
         for value in node.set.values()
         if isinstance(value, str) and value.startswith("$metadata.")
     }
-    by_lower = {name.lower(): name for name in known}
+    by_lower = {name.lower(): name for name in kinds}
     chosen = {}
     for name in asked or ():
         if name.lower() not in by_lower:
-            near = did_you_mean(likely_name(name, list(known)))
-            raise UsageError(f"--metadata {name}: known are {', '.join(known)}{near}")
+            near = did_you_mean(likely_name(name, list(kinds)))
+            raise UsageError(f"--metadata {name}: known are {', '.join(kinds)}{near}")
         chosen[by_lower[name.lower()]] = True
     described = [item for item in items if item["name"] == _CLOUD] if chosen else []
     if chosen and not described:

@@ -59,8 +59,8 @@ def _wheel_groups(task: Task) -> list[_Pair]:
         if not names or len(names) % _PAIR:
             raise UsageError("--joints: name left and right joints in turn: LEFT,RIGHT")
         by_name = {wheel.joint.name: wheel for wheel in robot.wheels}
-        found = [by_name.get(name) for name in names]
-        return [(found[at], found[at + 1]) for at in range(0, len(found), _PAIR)]
+        chosen = [by_name.get(name) for name in names]
+        return [(chosen[at], chosen[at + 1]) for at in range(0, len(chosen), _PAIR)]
     wheels = robot.driven_wheels
     if not wheels:
         if task.options.indices is not None:
@@ -138,13 +138,13 @@ def _distance_hole(groups: Sequence[_Pair], robot: Robot, given: float | None) -
         if not given > 0 or not math.isfinite(given):
             raise UsageError(f"--distance {given:g}: is not a distance in metres")
         return Hole("distance", float(given), "distance", f"{given:g} m", "given", "--distance")
-    found = [abs(a.place[1] - b.place[1]) for a, b in groups if a is not None and b is not None]
-    if not found or len(found) < len(groups):
+    distances = [abs(a.place[1] - b.place[1]) for a, b in groups if a is not None and b is not None]
+    if not distances or len(distances) < len(groups):
         raise UsageError(f"no wheel of {robot.path} is known by these joints: give --distance")
-    if max(found) - min(found) > _ALIKE * max(found):
-        listed = ", ".join(f"{size:.4g} m" for size in found)
+    if max(distances) - min(distances) > _ALIKE * max(distances):
+        listed = ", ".join(f"{size:.4g} m" for size in distances)
         raise UsageError(f"the wheels of {robot.path} are {listed} apart: give --distance")
-    size = round(sum(found) / len(found), _DIGITS)
+    size = round(sum(distances) / len(distances), _DIGITS)
     return Hole(
         "distance", size, "distance", f"{size:.3f} m", "between the two joints", "--distance"
     )

@@ -79,15 +79,15 @@ def command(
         _warn_of_deviations(starter)
 
 
-def _numbers(known: list[str], through: str | None, only: str | None) -> list[str]:
+def _numbers(numbers: list[str], through: str | None, only: str | None) -> list[str]:
     """Return the checkpoints to build."""
     if through is not None and only is not None:
         raise click.UsageError("give --through or --only, not both")
     chosen = only if only is not None else through
     if chosen is None:
-        return known
-    number = checkpoint_number(chosen, known)
-    return [number] if only is not None else known[: known.index(number) + 1]
+        return numbers
+    number = checkpoint_number(chosen, numbers)
+    return [number] if only is not None else numbers[: numbers.index(number) + 1]
 
 
 def _warn_of_deviations(starter: Path) -> None:

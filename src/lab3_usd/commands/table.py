@@ -117,8 +117,8 @@ def command_named(name: str) -> Command | None:
 
 def all_commands() -> dict[str, Command]:
     """Return every command by its name, by who uses it."""
-    known = dict(_OF_THE_CORE)
+    modules = dict(_OF_THE_CORE)
     for feature in features():
-        known |= feature.commands
+        modules |= feature.commands
     users: tuple[Users, ...] = get_args(Users)
-    return dict(sorted(known.items(), key=lambda item: users.index(item[1].users)))
+    return dict(sorted(modules.items(), key=lambda item: users.index(item[1].users)))

@@ -179,11 +179,11 @@ def _parameters(value: Any, where: str, _folder: Path) -> Parameters:
     given: dict[tuple[str, str], float] = {}
     for written, numbers in _table(value, where).items():
         (name,) = check_rule_names([written], where)
-        known = all_rules()[name].parameters if name in all_rules() else ()
-        if not known:
-            others = ", ".join(rule.id for rule in all_rules().values() if rule.parameters)
-            raise UsageError(f"{where}: {written} has no parameters; {others} have some")
-        names = [parameter.name for parameter in known]
+        parameters = all_rules()[name].parameters if name in all_rules() else ()
+        if not parameters:
+            with_parameters = ", ".join(rule.id for rule in all_rules().values() if rule.parameters)
+            raise UsageError(f"{where}: {written} has no parameters; {with_parameters} have some")
+        names = [parameter.name for parameter in parameters]
         for parameter, number in _table(numbers, f"{where}: {written}").items():
             if parameter not in names:
                 hint = guess(parameter, names)

@@ -192,7 +192,7 @@ def supplied_map(path: Path) -> SuppliedMap:
     if not file.is_file():
         raise MapError(f"{file}: there is no such file")
     values, image, grid = _read_whole(file)
-    known = {
+    map_values = {
         "mode": facts.mode,
         **{name: value for name, value in values.items() if name in MapFacts.__struct_fields__},
         "handout": facts.handout,
@@ -202,7 +202,7 @@ def supplied_map(path: Path) -> SuppliedMap:
         "height": grid.height,
     }
     try:
-        return SuppliedMap(msgspec.convert(known, MapFacts, strict=False), grid)
+        return SuppliedMap(msgspec.convert(map_values, MapFacts, strict=False), grid)
     except msgspec.ValidationError as error:
         raise MapError(f"{file}: {error}") from error
 
@@ -275,8 +275,8 @@ _TABS = re.compile(rb"(?<=[^\s])\t+")  # not those that a line begins with
 def find_map(folder: Path, facts: MapFacts) -> Path:
     """Return the map YAML of a folder: the one with the handout's name, else the only one there."""
     named = folder / facts.yaml
-    others = sorted(path for path in folder.glob("*.y*ml") if path.is_file())
-    return others[0] if not named.is_file() and len(others) == 1 else named
+    paths = sorted(path for path in folder.glob("*.y*ml") if path.is_file())
+    return paths[0] if not named.is_file() and len(paths) == 1 else named
 
 
 def opens_all(_name: str) -> str:

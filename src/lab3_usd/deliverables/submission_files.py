@@ -179,9 +179,9 @@ def find_checkpoint_stages(
 
 def stage_ending(entry: FolderFile, files: StageFiles) -> str:
     """Return the ending of a stage, '' for other files; `.usda.txt` is one of a stage as well."""
-    known = (*files.endings, *files.openable, *files.slips)
+    accepted = (*files.endings, *files.openable, *files.slips)
     endings = [suffix.lower() for suffix in PurePosixPath(entry.name).suffixes]
-    return next((ending for ending in reversed(endings) if ending in known), "")
+    return next((ending for ending in reversed(endings) if ending in accepted), "")
 
 
 def _right(
@@ -201,8 +201,8 @@ def _right(
     first, *more = [entry for entry in named if entry.folder == named[0].folder]
     if more and forms[more[0].name] < forms[first.name]:
         first, more = more[0], [first]
-    others = tuple(entry.path for entry in more)
-    return StageFile(number, first.path, "right" if first.folder == home else "misplaced", others)
+    repeats = tuple(entry.path for entry in more)
+    return StageFile(number, first.path, "right" if first.folder == home else "misplaced", repeats)
 
 
 def _guesses(
@@ -234,17 +234,17 @@ def find_deliverables(
     folders, stages = spec.folders, spec.stages
     stage_endings = (*stages.endings, *stages.openable, *stages.slips)
     tops = [entry.path.partition("/")[0].lower() if entry.folder else "" for entry in usable]
-    others = [
+    deliverables = [
         (entry, entry.name.lower(), top in folders.shown)
         for entry, top in zip(usable, tops, strict=True)
         if top not in {folders.stages, folders.starter}
         and not entry.name.lower().endswith(stage_endings)
     ]
-    endings = [PurePosixPath(name).suffix for _, name, _ in others]
+    endings = [PurePosixPath(name).suffix for _, name, _ in deliverables]
     return {
         name: tuple(
             entry.path
-            for (entry, own, is_shown), ending in zip(others, endings, strict=True)
+            for (entry, own, is_shown), ending in zip(deliverables, endings, strict=True)
             if (is_shown or not deliverable.folder)
             and _counts(root, entry.path, own, ending, deliverable)
         )

@@ -126,10 +126,12 @@ def _edited_lines(session: EditSession, repair: Repair, path: str) -> list[TextC
         for edited in session.edited.values():
             if is_text(edited.layer):
                 name = path if edited.layer == root else str(edited.layer.realPath)
-                found = (_lines_of_prims if session.by_prim else _lines_of_layer)(edited, name)
-                if found is None:
+                differences = (_lines_of_prims if session.by_prim else _lines_of_layer)(
+                    edited, name
+                )
+                if differences is None:
                     return None
-                changes += found
+                changes += differences
     except StageError:  # the repair cannot be written as text
         return None if session.by_prim else changes
     finally:

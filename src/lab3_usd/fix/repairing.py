@@ -154,8 +154,10 @@ def fix_linted(path: Path, release: str, options: FixOptions, moved_from: str = 
     origin = moved_from
     if moved_from == AUTO:
         check_file(path)
-        found = lint_subject(read_model(open_stage(path), platform, str(path)), AUTO).moved_from
-        origin = platform.release if found is None else found.release
+        origin_platform = lint_subject(
+            read_model(open_stage(path), platform, str(path)), AUTO
+        ).moved_from
+        origin = platform.release if origin_platform is None else origin_platform.release
 
     def lint_stage(file: Path, stage: Any) -> Iterable[Finding]:
         subject = lint_subject(read_model(stage, platform, str(file)), origin, options.parameters)

@@ -44,8 +44,8 @@ def fix_script(path: Path, release: str, options: FixOptions) -> Fixed:
     left_out = {}
     wanted = [finding for finding in options.wanted(before) if finding.fix is not None]
     for finding in wanted:
-        found = list(_names(finding, platform, lines))
-        if sum(_repair(lines, finding, *names) for names in found) == 0:
+        ways = list(_names(finding, platform, lines))
+        if sum(_repair(lines, finding, *names) for names in ways) == 0:
             left_out[site_of(finding)] = _NOT_ONE
     data = "".join(lines).encode(encoding)
     repairs = tuple(f.fix for f in wanted if f.fix is not None and site_of(f) not in left_out)

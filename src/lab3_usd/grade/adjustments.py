@@ -171,14 +171,14 @@ def _adjustments(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, dict[s
     _need(lines, _COLUMNS)
     points = {item.id: item.points for item in rubric.items}
     points[WHOLE] = sum(points.values())
-    found: dict[str, dict[str, Adjustment]] = {}
+    by_student: dict[str, dict[str, Adjustment]] = {}
     for row in lines.table.lines:
         student, item, amount, text = (lines.value(row, name) for name in _COLUMNS)
         line, place = lines.line(row), lines.place(row)
-        own = found.setdefault(roll.student(student, place), {})
+        own = by_student.setdefault(roll.student(student, place), {})
         if item not in points:
-            known = ", ".join(filter(None, points))
-            raise UsageError(f"{place}: the rubric has no item '{item}'; it has {known}")
+            item_ids = ", ".join(filter(None, points))
+            raise UsageError(f"{place}: the rubric has no item '{item}'; it has {item_ids}")
         if not text:
             raise UsageError(f"{place}: has no text; the student reads it as the reason")
         if item in own:
@@ -192,7 +192,7 @@ def _adjustments(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, dict[s
         own[item] = Adjustment(
             text, _points(amount, points[item], place), amount.startswith(("+", "-")), line
         )
-    return found
+    return by_student
 
 
 def _need_price(rubric: Rubric, what: str) -> None:

@@ -240,14 +240,14 @@ def salt_of(
 def _task(
     submission: StudentSubmission, settings: ClassSettings, salt: str, items: Sequence[str]
 ) -> Task:
-    known = known_digest(settings.out, submission, salt, items) if settings.resume else ""
+    digest = known_digest(settings.out, submission, salt, items) if settings.resume else ""
     return Task(
         submission.student,
         submission.folder,
         submission.sources,
         submission.late,
         submission.name,
-        known=known,
+        known=digest,
     )
 
 

@@ -44,9 +44,11 @@ def _of_one_fault(group: Sequence[Deduction]) -> LostPoints:
         part = first.title.partition(": ")[0] if ": " in first.title else ""
         is_named = not part or part in first.found or len(group) > 1
         text = first.found if is_named else f"{part}: {first.found}"
-    others = len({line.requirement for line in group}) - 1
-    if others:
-        text += f" ({others} more {'requirement' if others == 1 else 'requirements'} not met by it)"
+    further = len({line.requirement for line in group}) - 1
+    if further:
+        text += (
+            f" ({further} more {'requirement' if further == 1 else 'requirements'} not met by it)"
+        )
     return LostPoints(points, text, first.rule, first.place)
 
 

@@ -107,9 +107,9 @@ def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> R
     table = csv.writer(text)
     parts = ("Points", "Comments", "Rating")
     table.writerow(["Student Id", *(f"{t} - {part}" for t in titles.values() for part in parts)])
-    known = [(row.ids[CANVAS_USER], rows[student]) for row, student in export.returned
+    returned = [(row.ids[CANVAS_USER], rows[student]) for row, student in export.returned
              if CANVAS_USER in row.ids]  # fmt: skip
-    for number, row in known:
+    for number, row in returned:
         cells: list[str] = []
         for item in row["items"]:
             is_open = item["state"] in {"open", "blocked"}
@@ -120,7 +120,7 @@ def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> R
             cells += ["" if is_open else f"{item['earned']:g}", comment, ""]
         table.writerow([number, *cells])
     write_whole(path, text.getvalue().encode(), force=True)
-    return Returned(path, len(known))
+    return Returned(path, len(returned))
 
 
 def _blackboard(_out: Path, export: FilledExport, _book: Mapping[str, Any]) -> Iterator[Returned]:

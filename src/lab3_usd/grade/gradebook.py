@@ -361,16 +361,16 @@ def alike(rows: Iterable[Row]) -> list[Row]:
     for (number, _), students in by_file.items():
         if len(students) > 1:
             shared.setdefault(tuple(students), []).append(number)
-    found: list[Row] = [
+    groups: list[Row] = [
         {"students": list(students), "what": "the same files", "checkpoints": sorted(numbers)}
         for students, numbers in shared.items()
     ]
-    found += [
+    groups += [
         {"students": students, "what": "the same graphs, except names", "checkpoints": []}
         for signature, students in by_content.items()
         if signature and len(students) > 1 and tuple(students) not in shared
     ]
-    return sorted(found, key=lambda group: (group["students"], group["what"]))
+    return sorted(groups, key=lambda group: (group["students"], group["what"]))
 
 
 def _columns(rubric: Rubric) -> list[Row]:

@@ -250,12 +250,12 @@ def _uncertain_claim(submission: GradedSubmission, index: _Index) -> Claim:
 
     It is certain where one reading alone has the id and the name of a row.
     """
-    found: dict[int, RosterRow] = {}
+    rows: dict[int, RosterRow] = {}
     exact: dict[int, RosterRow] = {}
     for person in submission.may_be:
         for kind, value in person.ids.items():
             for row in index.by_id[kind, id_key(value)]:
-                found[row.line] = row
+                rows[row.line] = row
                 if _has_name(person, row):
                     exact[row.line] = row
     if exact:
@@ -263,6 +263,4 @@ def _uncertain_claim(submission: GradedSubmission, index: _Index) -> Claim:
     readings = [
         " ".join(filter(None, (person.name, *person.ids.values()))) for person in submission.may_be
     ]
-    return Claim(
-        submission.student, tuple(found.values()), f"its name may mean {_listed(readings)}"
-    )
+    return Claim(submission.student, tuple(rows.values()), f"its name may mean {_listed(readings)}")

@@ -110,14 +110,14 @@ def student_in(book: Row, name: str) -> Row:
         UsageError: there is none, or several are called so.
     """
     rows = book["students"]
-    found = [row for row in rows if row["student"] == name]
-    found = found or [row for row in rows if row["name"].casefold() == name.casefold()]
-    if len(found) > 1:
+    namesakes = [row for row in rows if row["student"] == name]
+    namesakes = namesakes or [row for row in rows if row["name"].casefold() == name.casefold()]
+    if len(namesakes) > 1:
         raise UsageError(f"{name}: several students have this name; give the number")
-    if not found:
-        known = {row["name"] or row["student"] for row in rows} | {row["student"] for row in rows}
-        raise UsageError(f"{name}: no such student{did_you_mean(likely_name(name, known))}")
-    return dict(found[0])
+    if not namesakes:
+        names = {row["name"] or row["student"] for row in rows} | {row["student"] for row in rows}
+        raise UsageError(f"{name}: no such student{did_you_mean(likely_name(name, names))}")
+    return dict(namesakes[0])
 
 
 def sum_of(book: Row, row: Row) -> Iterator[str]:

@@ -171,11 +171,12 @@ def _points_column(
     platform: ExportFormat, table: TextTable, path: Path, wanted: str
 ) -> tuple[int, float]:
     """Return the column of the assignment of a title or heading, and its maximum."""
-    known = {heading.casefold() for heading in (*platform.ids, *sum(platform.names, ()))}
+    own_headings = {heading.casefold() for heading in (*platform.ids, *sum(platform.names, ()))}
     fitting = {
         index: match
         for index, heading in enumerate(table.headings)
-        if heading.casefold() not in known and (match := re.fullmatch(platform.points, heading))
+        if heading.casefold() not in own_headings
+        and (match := re.fullmatch(platform.points, heading))
     }
     exact = [index for index in fitting if table.headings[index] == wanted]
     exact = exact or [
@@ -224,8 +225,8 @@ def _worksheet_points(table: TextTable, places: Mapping[str, int], path: Path) -
             "points, download the worksheet again with Moodle in English"
         )
     column = places[_MAXIMUM.casefold()]
-    found = {number_in(table.value(row, column)) for row in table.lines}
-    maximum = found.pop() if len(found) == 1 else None
+    maxima = {number_in(table.value(row, column)) for row in table.lines}
+    maximum = maxima.pop() if len(maxima) == 1 else None
     return places["grade"], _known_maximum(maximum, path, table.headings[places["grade"]])
 
 
@@ -267,8 +268,8 @@ def _translated_worksheet(table: TextTable, teams: Collection[str]) -> dict[str,
 
 def _identifier(cell: str) -> tuple[str, str]:
     """Return word and number of an identifier of Moodle: `Participant 7`."""
-    found = _IDENTIFIER.fullmatch(cell.strip())
-    return (found[1], found[2]) if found else (cell, "")
+    match = _IDENTIFIER.fullmatch(cell.strip())
+    return (match[1], match[2]) if match else (cell, "")
 
 
 def _people(

@@ -178,23 +178,25 @@ def with_lab(rubric: Rubric, required: Mapping[str, tuple[Requirement, ...]]) ->
         if not own:
             reached.append(item.checkpoint)
         before = rubric.items[: rubric.items.index(item)]
-        counting = [known for known in before if known.checkpoint in reached]
-        counting = [known for known in counting if asked[known.id] and not known.optional]
+        counting = [each_item for each_item in before if each_item.checkpoint in reached]
+        counting = [
+            each_item for each_item in counting if asked[each_item.id] and not each_item.optional
+        ]
         earlier[item.id] = tuple(
-            sorted(counting, key=lambda known: numbers.index(known.checkpoint))
+            sorted(counting, key=lambda each_item: numbers.index(each_item.checkpoint))
         )
     return replace(rubric, required=required, asked=asked, earlier=earlier, added=_added(required))
 
 
 def _added(required: Mapping[str, tuple[Requirement, ...]]) -> dict[str, frozenset[str]]:
-    known: set[str] = set()
+    earlier_ids: set[str] = set()
     added: dict[str, frozenset[str]] = {}
     last: frozenset[str] = frozenset()
     for number, requirements in required.items():
         ids = frozenset(requirement.id for requirement in requirements)
-        last = ids - known or last
+        last = ids - earlier_ids or last
         added[number] = last
-        known |= ids
+        earlier_ids |= ids
     return added
 
 
@@ -244,14 +246,14 @@ def _titled(item: Item, lab: Lab) -> Item:
     return replace(item, checkpoint=id_, title=title)
 
 
-def one_of(value: str, known: Collection[str], place: str) -> None:
-    """Refuse a value that is not one of the `known`.
+def one_of(value: str, allowed: Collection[str], place: str) -> None:
+    """Refuse a value that is not one of the `allowed`.
 
     Raises:
         SpecError: it is not; the message names the one that is likely meant, else all of them.
     """
-    if value not in known:
-        ways = did_you_mean(likely_name(value, known)) or f"; known are {', '.join(known)}"
+    if value not in allowed:
+        ways = did_you_mean(likely_name(value, allowed)) or f"; known are {', '.join(allowed)}"
         raise SpecError(f"{place}: {value!r} is not known{ways}")
 
 
@@ -275,14 +277,14 @@ def _check_breaks(item: Item, required: Mapping[str, tuple[Requirement, ...]], p
     rules = {*all_rules(), *FAMILIES}
     for name in item.breaks:
         is_rule = name.partition(_ERROR)[2] in rules if _ERROR in name else name in rules
-        if not is_rule and not any(fnmatchcase(known, name) for known in ids):
+        if not is_rule and not any(fnmatchcase(identifier, name) for identifier in ids):
             raise SpecError(
                 f"{place}: '{name}' in 'breaks' is not a rule, and nothing that "
                 f"checkpoint {item.checkpoint} asks for"
             )
     every = [requirement.id for asked in required.values() for requirement in asked]
     for name in item.rests:
-        if _ERROR not in name and not any(fnmatchcase(known, name) for known in every):
+        if _ERROR not in name and not any(fnmatchcase(identifier, name) for identifier in every):
             raise SpecError(f"{place}: '{name}' in 'rests' is nothing that a checkpoint asks for")
     for name in item.files:
         one_of(name, rules, f"{place}: files")
@@ -299,8 +301,8 @@ def _check_dry_run(item: Item, lab: Lab, place: str) -> None:
     checks = (*CHECKS, *OF_JOINTS) if has_joints else (*CHECKS,)
     for name in item.dry_run:
         robot, _, of_robot = name.rpartition(": ")
-        known = lab.topics if name.startswith("/") else (*checks, *FAULT_KINDS)
-        one_of(of_robot, known, f"{place}: dry_run")
+        allowed = lab.topics if name.startswith("/") else (*checks, *FAULT_KINDS)
+        one_of(of_robot, allowed, f"{place}: dry_run")
         if robot:
             one_of(robot, [each.name for each in lab.scene.robots], f"{place}: dry_run")
 
@@ -382,11 +384,11 @@ def _rubric_of(file: Path, path: Path | None, lab: Lab) -> Rubric:
 
 def _ids(patterns: tuple[str, ...], lab: Lab) -> tuple[str, ...]:
     """Return the ids of the checkpoints whose keys fit patterns; one that fits all stays."""
-    found: list[str] = []
+    ids: list[str] = []
     for pattern in patterns:
         named = [id_ for key, id_ in lab.ids.items() if fnmatchcase(key, pattern)]
-        found += [pattern] if pattern == "*" or not named else named
-    return tuple(found)
+        ids += [pattern] if pattern == "*" or not named else named
+    return tuple(ids)
 
 
 @lru_cache(maxsize=4)

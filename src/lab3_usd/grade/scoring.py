@@ -143,7 +143,11 @@ def facts_of(
                 ),
                 slight=tuple(item.id for item in result.requirements if item.slight),
                 faults=(
-                    *(_fault(found) for found in result.findings if found.severity == "error"),
+                    *(
+                        _fault(own_finding)
+                        for own_finding in result.findings
+                        if own_finding.severity == "error"
+                    ),
                     *(fault for fault in of_files if fault.place == result.path),
                 ),
             )
@@ -341,9 +345,9 @@ def _blocking(
         yield _Loss(1.0, f"nothing that checkpoint {item.checkpoint} adds is there")
     elif not rubric.asked[item.id]:
         earlier = rubric.earlier[item.id]
-        latest = [known for known in earlier if known.checkpoint == earlier[-1].checkpoint]
-        losses = {known.title: [*_own_losses(rubric, known, stage)] for known in latest}
-        if latest and not any(_kept(known, losses[known.title]) for known in latest):
+        latest = [previous for previous in earlier if previous.checkpoint == earlier[-1].checkpoint]
+        losses = {previous.title: [*_own_losses(rubric, previous, stage)] for previous in latest}
+        if latest and not any(_kept(previous, losses[previous.title]) for previous in latest):
             first = losses[latest[0].title][0]
             added_last = f"what checkpoint {earlier[-1].checkpoint} adds does not work"
             title = f"{added_last}: {', '.join(losses)}: {first.title}"
@@ -402,9 +406,9 @@ def _parts(fault: Fault) -> list[str]:
 def _is_home(rubric: Rubric, item: Item, stage: StageFacts, fault: Fault) -> bool:
     """Whether an error takes from this item: the first that counts its part, else the stage's."""
     parts = _parts(fault)
-    for known in rubric.until(stage.checkpoint):
-        if rubric.asked[known.id] and any(fits_name(part, known.groups) for part in parts):
-            return known is item
+    for candidate in rubric.until(stage.checkpoint):
+        if rubric.asked[candidate.id] and any(fits_name(part, candidate.groups) for part in parts):
+            return candidate is item
     return item.checkpoint == stage.checkpoint
 
 
@@ -423,16 +427,16 @@ def _earlier_losses(rubric: Rubric, item: Item, stage: StageFacts, kept: float) 
     """
     earlier = rubric.earlier[item.id]
     share = kept * (rubric.again if rubric.asked[item.id] else 1.0)
-    points = sum(known.points for known in earlier)
-    for known in earlier if share else ():
-        losses = [*_own_losses(rubric, known, stage)]
+    points = sum(previous.points for previous in earlier)
+    for previous in earlier if share else ():
+        losses = [*_own_losses(rubric, previous, stage)]
         if rubric.asked[item.id]:
             losses = [loss for loss in losses if fits_name(loss.requirement, item.rests)]
-        lost = share * known.points / points * (1.0 - _kept(known, losses))
+        lost = share * previous.points / points * (1.0 - _kept(previous, losses))
         if lost:
             first = max(losses, key=lambda loss: loss.share)
-            title = f"carried over: {known.title}: {first.title}"
-            yield first._replace(share=lost, title=title, requirement="", again=known.title)
+            title = f"carried over: {previous.title}: {first.title}"
+            yield first._replace(share=lost, title=title, requirement="", again=previous.title)
 
 
 def _capped(

@@ -74,7 +74,7 @@ def read_text_table(path: Path) -> TextTable:
     if data.startswith(_WORKBOOKS):
         raise UsageError(f"{path}: is a workbook; export it as comma-separated values (CSV)")
     signature, encoding = next(
-        (known for known in _SIGNATURES if data.startswith(known[0])), (b"", "utf-8")
+        (pair for pair in _SIGNATURES if data.startswith(pair[0])), (b"", "utf-8")
     )
     try:
         text = data[len(signature) :].decode(encoding)

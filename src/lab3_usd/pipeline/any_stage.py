@@ -84,13 +84,13 @@ def lint_subject(
         UsageError: the release is not known.
     """
     if moved_from != AUTO:
-        known = lint_platform(moved_from) if moved_from else None
-        return LintSubject(model, known, parameters=parameters)
+        origin = lint_platform(moved_from) if moved_from else None
+        return LintSubject(model, origin, parameters=parameters)
     from lab3_usd.facts.saved_releases import saved_by
 
     saved = saved_by(model)
-    known = model.platform if saved is None else lint_platform(saved.release)
-    return LintSubject(model, known, is_guessed=True, parameters=parameters)
+    origin = model.platform if saved is None else lint_platform(saved.release)
+    return LintSubject(model, origin, is_guessed=True, parameters=parameters)
 
 
 class RosStage(Struct, frozen=True):

@@ -136,10 +136,12 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
         ),
     ))  # fmt: skip
     findings = ordered(_with_files(judged.findings, folder))
-    known = ChecklistInput(lab, spec, contents.ros, contents.listing, results, findings, evidence)
+    checklist_input = ChecklistInput(
+        lab, spec, contents.ros, contents.listing, results, findings, evidence
+    )
     to_come = () if handed_in else tuple(n for n in lab.checkpoints if n not in results)
     submission = Submission(
-        str(folder), findings, decide_checklist(known), judged.crashes, handed_in, to_come
+        str(folder), findings, decide_checklist(checklist_input), judged.crashes, handed_in, to_come
     )
     return FolderResult(tuple(results.values()), submission)
 
@@ -220,10 +222,10 @@ def _fitting_checkpoint(path: Path, contents: FolderContents) -> str:
     except StageError:
         return ""
     graphs = find_graphs(lab.graphs, model)
-    found = {name for name, graph in graphs.items() if graph is not None and graph.nodes}
-    if not found and model.prim(lab.scene.robot.path) is None:
+    graph_names = {name for name, graph in graphs.items() if graph is not None and graph.nodes}
+    if not graph_names and model.prim(lab.scene.robot.path) is None:
         return ""
-    fitting = [n for n, point in lab.checkpoints.items() if {*point.graphs} == found]
+    fitting = [n for n, point in lab.checkpoints.items() if {*point.graphs} == graph_names]
     open_ones = (number for number in fitting if number not in contents.listing.stages)
     return next(open_ones, next(iter(fitting), ""))
 

@@ -122,8 +122,8 @@ def unreadable_result(path: str, checkpoint: str | None, reason: StageError | st
     line, column = (reason.line, reason.column) if isinstance(reason, StageError) else (None, None)
     text = str(reason).removeprefix(f"{path}: ")
     ways = [f"correct line {line} in a text editor"] if line else []
-    others = [_OLDER, _REPEAT] if checkpoint else [_OLDER if line else _AGAIN]
-    hint: str | None = "; or ".join([*ways, *others])
+    repairs = [_OLDER, _REPEAT] if checkpoint else [_OLDER if line else _AGAIN]
+    hint: str | None = "; or ".join([*ways, *repairs])
     if isinstance(reason, StageError) and reason.repair:
         hint = reason.repair
         text = text.removesuffix(f"; {hint}")

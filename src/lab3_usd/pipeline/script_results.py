@@ -83,10 +83,10 @@ def joined_stage(path: Path, platform: Platform, scene: StageModel | None) -> St
     script = read_script(path, platform, scene)
     if script is None or not script.stages:
         raise StageError(f"{path}: {NO_GRAPH}")
-    first, *others = sorted(script.stages, key=lambda stage: -len(stage.world.nodes))
+    first, *alternatives = sorted(script.stages, key=lambda stage: -len(stage.world.nodes))
     graphs = {graph.path: graph for graph in first.model.graphs}
     unresolved = dict.fromkeys(first.model.unresolved)
-    for other in others:
+    for other in alternatives:
         for graph in other.model.graphs:
             graphs.setdefault(graph.path, graph)
         unresolved.update(dict.fromkeys(other.model.unresolved))
@@ -110,7 +110,9 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
         [_Placed(finding, _span(finding, stage)) for finding in each.findings]
         for stage, each in zip(script.stages, judged, strict=True)
     ]
-    kept = _told_once(_certain(script.stages, [_of_made_nodes(found) for found in placed]))
+    kept = _told_once(
+        _certain(script.stages, [_of_made_nodes(each_placed) for each_placed in placed])
+    )
     findings = [_in_file(each, path, script.source) for each in kept]
     if settings.heeds_ignores:
         findings = list(
@@ -145,10 +147,10 @@ def _coverage(script: ReadScript, parts: Sequence[NodeCoverage]) -> NodeCoverage
     """Return how much of the script was read and judged, all ways together."""
 
     def most(counts: Iterable[dict[str, int]]) -> dict[str, int]:
-        found: Counter[str] = Counter()
+        node_counts: Counter[str] = Counter()
         for each in counts:
-            found |= Counter(each)
-        return dict(found)
+            node_counts |= Counter(each)
+        return dict(node_counts)
 
     return NodeCoverage(
         nodes=script.nodes,
@@ -236,16 +238,16 @@ def _is_expected(placed: _Placed, stages: Sequence[BuiltStage]) -> bool:
 
 def _told_once(placed: Iterable[_Placed]) -> list[_Placed]:
     """Return each finding of a line once, however often the line is come by."""
-    found: dict[tuple[object, ...], _Placed] = {}
+    by_fault: dict[tuple[object, ...], _Placed] = {}
     for each in placed:
         place = each.span or each.finding.prim
         key = (each.finding.rule, place, each.finding.property)
-        known = found.setdefault(key, each)
+        first = by_fault.setdefault(key, each)
         prim = each.finding.prim
-        if known.finding.prim != prim and prim not in known.finding.related:
-            related = (*known.finding.related, prim)
-            found[key] = _Placed(replace(known.finding, related=related), known.span)
-    return list(found.values())
+        if first.finding.prim != prim and prim not in first.finding.related:
+            related = (*first.finding.related, prim)
+            by_fault[key] = _Placed(replace(first.finding, related=related), first.span)
+    return list(by_fault.values())
 
 
 def _in_file(placed: _Placed, path: str, source: Source) -> Finding:
@@ -304,13 +306,13 @@ def _without_ignored(
 
 def _notes(source: Source, path: str) -> Iterator[IgnoreNote]:
     for number, line in enumerate(source.lines, 1):
-        found = _NOTE.search(line) if "lab3" in line else None
-        if found is None:
+        match = _NOTE.search(line) if "lab3" in line else None
+        if match is None:
             continue
         about = number
         while about <= len(source.lines) and not source.lines[about - 1].split("#")[0].strip():
             about += 1
-        names = (found[1] or found[2] or "").split("--")[0]
+        names = (match[1] or match[2] or "").split("--")[0]
         for name in [part for part in re.split(r"[ ,]+", names.strip()) if part] or [""]:
             rule = rule_names().get(name.lower(), name.upper())
             yield IgnoreNote(rule, layer=path, line=about, written=number)

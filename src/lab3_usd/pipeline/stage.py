@@ -141,13 +141,13 @@ def judge_stage(
 
                     demands = at[0].same_demands(at[1])
                     # The model, which is kept as well, keeps the stage that `id` names.
-                    key, known = ("judgement", id(stage), demands.id), reading_cache.get()
-                    if known is None or key not in known:
+                    key, readings = ("judgement", id(stage), demands.id), reading_cache.get()
+                    if readings is None or key not in readings:
                         judged = judge(at[0], demands, model)
                     else:
-                        judged = known[key]
-                    if known is not None:
-                        known[key] = judged
+                        judged = readings[key]
+                    if readings is not None:
+                        readings[key] = judged
         except StageError as error:
             return unreadable_result(str(path), None if at is None else at[1], error)
         findings = judged.findings

@@ -147,7 +147,9 @@ def summarize(report: Report) -> Summary:
         errors=counts.get("error", 0),
         warnings=counts.get("warning", 0),
         notes=counts.get("note", 0),
-        hidden=severity_counts(chain.from_iterable(found for _, found in hidden_findings(report))),
+        hidden=severity_counts(
+            chain.from_iterable(findings for _, findings in hidden_findings(report))
+        ),
     )
 
 
@@ -302,5 +304,5 @@ def _counted(counts: Mapping[str, int], one: str, several: str) -> str:
     """Return counts by name, the most first, with the verb that goes with them."""
     ranked = sorted(counts.items(), key=lambda entry: (-entry[1], entry[0]))
     named = [f"{count} {one if count == 1 else several} {name}" for name, count in ranked[:_NAMED]]
-    others = sum(count for _, count in ranked[_NAMED:])
-    return ", ".join([*named, *([f"{others} more"] if others else [])])
+    further = sum(count for _, count in ranked[_NAMED:])
+    return ", ".join([*named, *([f"{further} more"] if further else [])])

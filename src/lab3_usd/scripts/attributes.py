@@ -41,14 +41,14 @@ def attribute_of(value: Value, node: ast.Attribute, run: Run) -> Value:
     if isinstance(value, Instance):
         return _of_instance(value, node, run)
     if isinstance(value, Class):
-        found = value.find(name)
-        return unknown(node) if found is None else _bound(found[0], value, found[1], node, run)
+        member = value.find(name)
+        return unknown(node) if member is None else _bound(member[0], value, member[1], node, run)
     if isinstance(value, Super):
         for base in [
             line
-            for known in value.owner.bases
-            if isinstance(known, Class)
-            for line in known.lines()
+            for owner_base in value.owner.bases
+            if isinstance(owner_base, Class)
+            for line in owner_base.lines()
         ]:
             if name in base.scope.names:
                 return _bound(base.scope.names[name], value.own, base, node, run)
@@ -88,9 +88,9 @@ def _of_module(value: External, node: ast.Attribute) -> Value:
 def _of_instance(value: Instance, node: ast.Attribute, run: Run) -> Value:
     if node.attr in value.attributes:
         return value.attributes[node.attr]
-    found = value.type.find(node.attr)
-    if found is not None:
-        return _bound(found[0], value, found[1], node, run)
+    member = value.type.find(node.attr)
+    if member is not None:
+        return _bound(member[0], value, member[1], node, run)
     return run.attribute_set_elsewhere(value, node)
 
 

@@ -38,9 +38,9 @@ def call_value(function: Value, given: Arguments, node: ast.AST, scope: Scope, r
     name = _name(function, node)
     if name == "super" and isinstance(function, External):
         return _super(scope) or unknown(node)
-    found = call_api(function, name, given, node, run)
-    if found is not NONE_OF_THESE:
-        return found
+    result = call_api(function, name, given, node, run)
+    if result is not NONE_OF_THESE:
+        return result
     if isinstance(function, Method):
         return call_method(function.own, name, given, node)
     if isinstance(function, External):
@@ -129,11 +129,11 @@ def call_function(function: Function, given: Arguments, run: Run, node: ast.AST)
 
 
 def _yields(code: ast.FunctionDef | ast.AsyncFunctionDef, run: Run) -> bool:
-    known = run.looked_at.get(id(code))
-    if known is None:
+    yields = run.looked_at.get(id(code))
+    if yields is None:
         parts = (isinstance(part, (ast.Yield, ast.YieldFrom)) for part in _own_parts(code))
-        known = run.looked_at[id(code)] = any(parts)
-    return known
+        yields = run.looked_at[id(code)] = any(parts)
+    return yields
 
 
 def _own_parts(code: ast.FunctionDef | ast.AsyncFunctionDef) -> Iterator[ast.AST]:
@@ -177,8 +177,8 @@ def _bind(function: Function, given: Arguments, inner: Scope) -> None:
         table = Table(
             (line, 0, line, 0), Unknown(arguments.kwarg.arg, line) if given.is_open else None
         )
-        known = {*names, *(each.arg for each in arguments.kwonlyargs)}
+        parameters = {*names, *(each.arg for each in arguments.kwonlyargs)}
         for name, value in given.named.items():
-            if name not in known:
+            if name not in parameters:
                 table.set(Text(name, (line, 0, line, 0)), value)
         inner.names[arguments.kwarg.arg] = table

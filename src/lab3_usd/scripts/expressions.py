@@ -108,12 +108,12 @@ def _list(node: ast.List | ast.Tuple | ast.Set, scope: Scope, run: Run) -> Value
     for element in node.elts:
         if isinstance(element, ast.Starred):
             value = evaluate(element.value, scope, run)
-            known = listed(value)
-            if known is None:
+            items = listed(value)
+            if items is None:
                 made.rest = made.rest or as_unknown(value, element.value)
                 continue
-            made.items += known.items
-            made.rest = made.rest or known.rest
+            made.items += items.items
+            made.rest = made.rest or items.rest
         else:
             made.items.append(evaluate(element, scope, run))
     return made
@@ -151,12 +151,12 @@ def _sum_parts(node: ast.BinOp) -> list[ast.expr]:
 
 def _operation(node: ast.BinOp, scope: Scope, run: Run) -> Value:
     if isinstance(node.op, ast.Add):
-        first, *others = [evaluate(part, scope, run) for part in _sum_parts(node)]
+        first, *further = [evaluate(part, scope, run) for part in _sum_parts(node)]
         at = place(node)
-        texts = [first, *others]
+        texts = [first, *further]
         if all(isinstance(part, Text) for part in texts):
             return concatenated(texts, at)
-        for value in others:
+        for value in further:
             first = added(first, value, node)
         return first
     left, right = evaluate(node.left, scope, run), evaluate(node.right, scope, run)
@@ -173,8 +173,8 @@ def _operation(node: ast.BinOp, scope: Scope, run: Run) -> Value:
 def _unary(node: ast.UnaryOp, scope: Scope, run: Run) -> Value:
     value = evaluate(node.operand, scope, run)
     if isinstance(node.op, ast.Not):
-        known = truth(value)
-        return unknown(node) if known is None else not known
+        truth_value = truth(value)
+        return unknown(node) if truth_value is None else not truth_value
     if isinstance(value, (int, float)):
         return -value if isinstance(node.op, ast.USub) else +value
     return unknown(node)
@@ -186,10 +186,10 @@ def _logic(node: ast.BoolOp, scope: Scope, run: Run) -> Value:
     is_open = False
     for part in node.values:
         value = evaluate(part, scope, run)
-        known = truth(value)
-        if known is stops_at:
+        outcome = truth(value)
+        if outcome is stops_at:
             break
-        is_open |= known is None
+        is_open |= outcome is None
     if not is_open or (isinstance(node.op, ast.And) and truth(value) is False):
         return value
     return unknown(node.values[0])
@@ -200,18 +200,18 @@ def _comparison(node: ast.Compare, scope: Scope, run: Run) -> Value:
     result: bool | None = True
     for op, right_node in zip(node.ops, node.comparators, strict=True):
         right = evaluate(right_node, scope, run)
-        found = compared(op, left, right)
-        if found is False:
+        outcome = compared(op, left, right)
+        if outcome is False:
             return False
-        result = None if found is None else result
+        result = None if outcome is None else result
         left = right
     return unknown(node) if result is None else True
 
 
 def _choice(node: ast.IfExp, scope: Scope, run: Run) -> Value:
-    known = truth(evaluate(node.test, scope, run))
-    if known is not None:
-        return evaluate(node.body if known else node.orelse, scope, run)
+    outcome = truth(evaluate(node.test, scope, run))
+    if outcome is not None:
+        return evaluate(node.body if outcome else node.orelse, scope, run)
     one, other = evaluate(node.body, scope, run), evaluate(node.orelse, scope, run)
     if isinstance(one, (Items, Table)) and isinstance(other, (Items, Table)):
         return one if run.decide(node.test) else other

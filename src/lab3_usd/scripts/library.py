@@ -165,9 +165,9 @@ def call_builtin(name: str, given: Arguments, node: ast.AST) -> Value:
     values, at = given.given, place(node)
     if given.is_open:
         return unknown(node)
-    found = _list_function(name, values, given.named, at)
-    if found is not None:
-        return found
+    result = _list_function(name, values, given.named, at)
+    if result is not None:
+        return result
     if name == "str":
         return as_text(values[0], at) if len(values) == 1 else unknown(node)
     if name in ("dict", "OrderedDict"):
@@ -232,9 +232,9 @@ def _list_function(
                 Items([number, item], at, "tuple") for number, item in enumerate(first.items, start)
             ]
             return Items(pairs, at, "list", first.rest)
-    if name == "zip" and values and all(known is not None for known in lists):
-        rows = zip(*(known.items for known in lists if known is not None), strict=False)
-        rest = next((known.rest for known in lists if known is not None and known.rest), None)
+    if name == "zip" and values and all(each is not None for each in lists):
+        rows = zip(*(each.items for each in lists if each is not None), strict=False)
+        rest = next((each.rest for each in lists if each is not None and each.rest), None)
         return Items([Items(list(row), at, "tuple") for row in rows], at, "list", rest)
     return None
 
@@ -308,8 +308,8 @@ def _split(own: Text, mark: Value, at: At, node: ast.AST) -> Value:
     if not isinstance(mark, Text) or mark.unknown or not mark.text:
         return unknown(node)
     parts = own.text.split(mark.text)
-    known = [Text(part, at, (), own.unknown if "{" in part else None) for part in parts]
-    return Items(list(known), at)
+    texts = [Text(part, at, (), own.unknown if "{" in part else None) for part in parts]
+    return Items(list(texts), at)
 
 
 def _formatted(own: Text, given: Arguments, at: At, node: ast.AST) -> Value:

@@ -147,9 +147,9 @@ def find_node(act: Edit, name: str, spec: Value, at: At) -> BuiltNode | None:
         _open_unknown(act, name, at)
         return None
     if name.startswith("/"):
-        known = act.world.node(name)
-        if known is not None:
-            return known
+        built = act.world.node(name)
+        if built is not None:
+            return built
         graph = act.world.graphs.get(name.rpartition("/")[0])
         if graph is not None and graph.is_ours and graph.rest is None:
             _note_unknown(act, name, graph.path, at, only_near=True)
@@ -182,8 +182,8 @@ def _open_unknown(act: Edit, name: str, at: At) -> None:
 def _note_unknown(act: Edit, name: str, graph: str, at: At, *, only_near: bool) -> None:
     """Note a name of no node; where there may be others, only one that is near to a known one."""
     short = name.rpartition("/")[2]
-    known = [node.name for node in act.world.nodes_of(graph)]
-    near = get_close_matches(short, known, 1, 0.8 if only_near else 0.6)
-    same = [other for other in known if other.lower() == short.lower()]
+    node_names = [node.name for node in act.world.nodes_of(graph)]
+    near = get_close_matches(short, node_names, 1, 0.8 if only_near else 0.6)
+    same = [other for other in node_names if other.lower() == short.lower()]
     if near or same or not only_near:
         act.world.fault("unknown-node", at, graph, name, meant=(same or near or [""])[0])

@@ -50,16 +50,16 @@ def edit(run: Run, names: Names | None, given: Arguments, node: ast.Call) -> Val
     at = place(node)
     values = dict(zip(PARAMETERS, given.given, strict=False)) | given.named
     graph_id, commands = values.get("graph_id"), values.get("edit_commands")
-    known: Names = {} if names is None else names
+    by_name: Names = {} if names is None else names
     graph = _graph_of(graph_id, commands, run.world, at)
-    act = Edit(run.world, known, graph.path, at)
+    act = Edit(run.world, by_name, graph.path, at)
     exists = values.get("allow_exists_node", False)
     act.may_exist = truth(exists) is not False
     given_map = values.get("path_to_object_map")
     if given_map is not None and truth(given_map) is not False:
         # Names of an earlier call come with it.
-        known.update(
-            {each.name: each for each in run.world.nodes.values() if each.name not in known}
+        by_name.update(
+            {each.name: each for each in run.world.nodes.values() if each.name not in by_name}
         )
     made = _commands(act, commands, given, node)
     nodes = Items([NodeHandle(each.path) for each in made], at, "list")
@@ -155,9 +155,9 @@ def _commands(act: Edit, commands: Value, given: Arguments, node: ast.Call) -> l
             act.world.open_graph(act.graph, items.rest)
         for item in items.items:
             act.world.lines.add(_at(item, act)[0])
-            found = _COMMANDS[name](act, item)
-            if isinstance(found, BuiltNode):
-                made.append(found)
+            result = _COMMANDS[name](act, item)
+            if isinstance(result, BuiltNode):
+                made.append(result)
     return made
 
 
@@ -240,12 +240,12 @@ def make_node(
     world: World, path: str, graph: str, kind: Value, at: At, *, may_exist: bool, call: object
 ) -> BuiltNode:
     """Make a node, or return the one that is there."""
-    known = world.nodes.get(path)
-    if known is not None:
+    earlier = world.nodes.get(path)
+    if earlier is not None:
         if not may_exist and "{" not in path and call not in world.twice:
             world.twice.add(call)
-            world.fault("node-twice", at, path, known.name, others=(f"line {known.at[0]}",))
-        return known
+            world.fault("node-twice", at, path, earlier.name, others=(f"line {earlier.at[0]}",))
+        return earlier
     node = world.nodes[path] = BuiltNode(path, graph, kind, at)
     world.places.add(at)
     return node
@@ -274,9 +274,9 @@ def _promote_inner(act: Edit, compound: BuiltNode, item: Value) -> None:
     if parts is None:
         return
     at = _at(item, act)
-    found = resolve(act, parts[0], at)
+    place = resolve(act, parts[0], at)
     name = as_text(parts[1], at).text
-    inner, port = found if found is not None else (None, "")
+    inner, port = place if place is not None else (None, "")
     if inner is None:
         return
     prefix = OUTPUT if port.startswith(OUTPUT) else INPUT
@@ -331,9 +331,9 @@ def _create_attribute(act: Edit, item: Value) -> None:
     spec = parts[0]
     if isinstance(spec, Items) and spec.items and isinstance(spec.items[0], Items):
         spec = Items([spec.items[0].items[0], *spec.items[1:]], spec.at, "tuple")
-    found = resolve(act, spec, at, prefix=INPUT)
-    if found is not None and found[0] is not None:
-        port = found[0].port(found[1])
+    place = resolve(act, spec, at, prefix=INPUT)
+    if place is not None and place[0] is not None:
+        port = place[0].port(place[1])
         port.is_made = True
 
 
@@ -391,8 +391,8 @@ def _disconnect_all(act: Edit, item: Value) -> None:
 
 def disconnect_all(act: Edit, spec: Value, at: At) -> None:
     """Take all wires of a port away."""
-    found = resolve(act, spec, at)
-    node, port = found if found is not None else (None, "")
+    place = resolve(act, spec, at)
+    node, port = place if place is not None else (None, "")
     if node is None:
         return
     node.port(port).sources.clear()
@@ -404,10 +404,10 @@ def disconnect_all(act: Edit, spec: Value, at: At) -> None:
 
 def set_value(act: Edit, spec: Value, value: Value, at: At, *, later: bool = False) -> None:
     """Give an input a value, or targets; one that is set `later` may change while it runs."""
-    found = resolve(act, spec, at)
-    if found is None or found[0] is None:
+    place = resolve(act, spec, at)
+    if place is None or place[0] is None:
         return
-    put(act.world, found[0], found[1], value, spec, at, later=later)
+    put(act.world, place[0], place[1], value, spec, at, later=later)
 
 
 def put(  # noqa: PLR0913 - a value, and how it was given

@@ -148,8 +148,8 @@ _COMPARISONS: dict[type[ast.cmpop], Callable[[Any, Any], bool]] = {
 def compared(op: ast.cmpop, left: Value, right: Value) -> bool | None:
     """Return the outcome of a comparison, None where that is unknown."""
     if isinstance(op, (ast.Eq, ast.Is, ast.NotEq, ast.IsNot)):
-        found = same(left, right)
-        return found if found is None or isinstance(op, (ast.Eq, ast.Is)) else not found
+        is_same = same(left, right)
+        return is_same if is_same is None or isinstance(op, (ast.Eq, ast.Is)) else not is_same
     if isinstance(op, (ast.In, ast.NotIn)):
         if isinstance(left, Text) and isinstance(right, Text):
             whole = left.unknown is None and right.unknown is None

@@ -50,13 +50,13 @@ class ReadScript(Struct, frozen=True, eq=False):
     @property
     def graphs(self) -> int:
         """How many graphs are built, those of all ways."""
-        found = {
+        paths = {
             (path, graph.at)
             for world in self.worlds
             for path, graph in world.graphs.items()
             if any(True for _ in world.nodes_of(path))
         }
-        return len(found)
+        return len(paths)
 
     @property
     def nodes(self) -> int:
@@ -93,8 +93,8 @@ class ReadScript(Struct, frozen=True, eq=False):
     @property
     def unknown(self) -> tuple[Unknown, ...]:
         """What is not known before it runs: values of inputs, and parts of what is built."""
-        found = {each: None for world in self.worlds for each in world.unread}
-        return tuple(sorted(found, key=lambda each: (each.line, each.why)))
+        unread = {each: None for world in self.worlds for each in world.unread}
+        return tuple(sorted(unread, key=lambda each: (each.line, each.why)))
 
 
 def _changed(world: World) -> Iterator[BuiltNode]:

@@ -68,20 +68,20 @@ def ways(tree: ast.Module, building: Building, scene: SceneGraphs) -> Iterator[l
     for start, code in starts:
         if code is not None and id(code) in entered:
             continue
-        found: list[Way] = []
+        followed: list[Way] = []
         ahead: list[list[bool]] = [[]]
-        while ahead and len(found) < MOST_WAYS and count < MOST_IN_ALL:
+        while ahead and len(followed) < MOST_WAYS and count < MOST_IN_ALL:
             decisions = ahead.pop(0)
             run = Run(decisions, builders, building, looked_at, scene)
             run.attributes = attributes
-            found.append(_follow(tree, start, run))
+            followed.append(_follow(tree, start, run))
             count += 1
             entered |= run.entered
             ahead += [
                 [*run.taken[:number], not run.taken[number]]
                 for number in range(len(decisions), len(run.taken))
             ]
-        yield found
+        yield followed
 
 
 def _follow(tree: ast.Module, start: Start, run: Run) -> Way:
@@ -149,32 +149,32 @@ def _set_elsewhere(own: Instance, node: ast.Attribute, run: Run) -> Value:
 
 
 def _assigned(kind: Class, run: Run) -> dict[str, list[ast.expr]]:
-    known = run.attributes.get(id(kind.node))
-    if known is None:
-        known = run.attributes[id(kind.node)] = assigned(kind.node)
-    return known
+    expressions = run.attributes.get(id(kind.node))
+    if expressions is None:
+        expressions = run.attributes[id(kind.node)] = assigned(kind.node)
+    return expressions
 
 
 def _starts(tree: ast.Module, builders: frozenset[int]) -> list[tuple[Start, ast.AST | None]]:
     """Return the module, then the functions that may be called from outside, callers first."""
-    found: list[tuple[Start, ast.AST]] = []
+    starts: list[tuple[Start, ast.AST]] = []
     for node in _statements(tree.body):
         if isinstance(node, (ast.FunctionDef, ast.AsyncFunctionDef)) and _builds(node, builders):
-            found.append((Start(node.name), node))
+            starts.append((Start(node.name), node))
         elif isinstance(node, ast.ClassDef):
-            found += [
+            starts += [
                 (Start(inner.name, node.name), inner)
                 for inner in node.body
                 if isinstance(inner, (ast.FunctionDef, ast.AsyncFunctionDef))
                 and _builds(inner, builders)
             ]
     called: set[str] = set()
-    for start, code in found:
+    for start, code in starts:
         called |= {name for name in _called(code) if name != start.name}
         if start.name == "__init__":
             called.discard(start.owner)
-    first = [each for each in found if each[0].name not in called]
-    rest = [each for each in found if each[0].name in called]
+    first = [each for each in starts if each[0].name not in called]
+    rest = [each for each in starts if each[0].name in called]
     return [(Start(""), None), *first, *rest]
 
 
@@ -203,7 +203,7 @@ def _builds(code: ast.AST, builders: frozenset[int]) -> bool:
 
 def _builders(tree: ast.Module) -> set[int]:
     """Return the calls that build graphs, by themselves or in functions that they call."""
-    found: set[int] = set()
+    calls_that_build: set[int] = set()
     calls: list[tuple[ast.Call, str]] = []
     functions: dict[str, list[ast.AST]] = {}
     for part in ast.walk(tree):
@@ -218,7 +218,7 @@ def _builders(tree: ast.Module) -> set[int]:
         elif isinstance(part, ast.Call):
             calls.append((part, next(_called(part), "")))
             if _is_builder(part):
-                found.add(id(part))
+                calls_that_build.add(id(part))
     inside = {
         name: {id(part) for code in codes for part in ast.walk(code) if isinstance(part, ast.Call)}
         for name, codes in functions.items()
@@ -228,12 +228,12 @@ def _builders(tree: ast.Module) -> set[int]:
         new = {
             name
             for name, parts in inside.items()
-            if name not in building and not found.isdisjoint(parts)
+            if name not in building and not calls_that_build.isdisjoint(parts)
         }
         if not new:
-            return found
+            return calls_that_build
         building |= new
-        found |= {id(call) for call, name in calls if _own_name(call) in building}
+        calls_that_build |= {id(call) for call, name in calls if _own_name(call) in building}
 
 
 def _own_name(call: ast.Call) -> str:

@@ -125,8 +125,8 @@ def _notebook(path: Path, data: bytes) -> Source:
     at = 0
     for number, (kind, source) in enumerate(cells, 1):
         code = source if isinstance(source, str) else "".join(map(str, source))
-        found = text.find('"source"', at)
-        at = found if found >= 0 else at
+        position = text.find('"source"', at)
+        at = position if position >= 0 else at
         if kind != "code":
             at += len('"source"')
             continue
@@ -145,9 +145,9 @@ def _notebook(path: Path, data: bytes) -> Source:
 def _place(text: str, line: str, at: int) -> tuple[int, int]:
     """Return where the search goes on behind a line of a notebook, and where the line stands."""
     for written in (json.dumps(line, ensure_ascii=False)[1:-1], json.dumps(line)[1:-1]):
-        found = text.find(written, at) if written else -1
-        if found >= 0:
-            return found + len(written), found
+        position = text.find(written, at) if written else -1
+        if position >= 0:
+            return position + len(written), position
     return at, at
 
 

@@ -168,8 +168,8 @@ def _opened(graphs: list[GraphModel], platform: Platform) -> list[GraphModel]:
 
 def _created(world: World, made: Iterable[BuiltNode]) -> Iterator[tuple[str, str]]:
     """Yield the ports that a script creates, and those that nodes of its scene have."""
-    for known in world.scene.nodes.values():
-        yield from ((known.path, name) for name in known.ports)
+    for scene_node in world.scene.nodes.values():
+        yield from ((scene_node.path, name) for name in scene_node.ports)
     for node in made:
         yield from ((node.path, name) for name, port in node.ports.items() if port.is_made)
 
@@ -225,8 +225,11 @@ def _variables(graph: BuiltGraph, platform: Platform) -> Iterator[tuple[str, Gra
         written = built.type.text if isinstance(built.type, Text) else ""
         usd_type = platform.usd_types.get(written, written)
         value = None if built.value is None else _plain_value(built.value, graph.at[0])
-        known = None if isinstance(value, Unknown) else value
-        yield name, GraphVariable(usd_type, None if known is None else _as_stored(known, usd_type))
+        readable = None if isinstance(value, Unknown) else value
+        yield (
+            name,
+            GraphVariable(usd_type, None if readable is None else _as_stored(readable, usd_type)),
+        )
 
 
 def _changed_graph(
@@ -236,8 +239,8 @@ def _changed_graph(
 
     A dictionary that creates it anew replaces it.
     """
-    known = world.graphs.get(graph.path)
-    if more is not None and known is not None and known.is_ours:
+    built = world.graphs.get(graph.path)
+    if more is not None and built is not None and built.is_ours:
         return more
     new = {node.path: node for node in (() if more is None else more.nodes)}
     kept = (
@@ -337,9 +340,9 @@ def _meant(
         return
     for name, state in ports.items():
         if kind.port(name) is None and name.startswith(INPUT):
-            known = [each for each in kind.ports if each.startswith(INPUT)]
+            inputs = [each for each in kind.ports if each.startswith(INPUT)]
             short = name.partition(":")[2]
-            near = likely_name(name, known) or likely_name(INPUT + short, known)
+            near = likely_name(name, inputs) or likely_name(INPUT + short, inputs)
             if near is not None and near not in ports:
                 what = state.value if state.value is not None else Unknown(name, 1)
                 is_signal = kind.ports[near].is_execution or bool(state.sources)
@@ -401,7 +404,7 @@ def _targets(
 
 def _plain_value(value: Value, line: int) -> PlainValue | Unknown:
     try:
-        found = plain(value)
+        plain_value = plain(value)
     except UnknownValueError:
         if isinstance(value, Text):
             return Unknown(
@@ -418,7 +421,7 @@ def _plain_value(value: Value, line: int) -> PlainValue | Unknown:
             return Unknown(value.name, line)
         rest = value.rest if isinstance(value, Items) else None
         return Unknown(rest.why if rest else "...", line)
-    return Unknown("...", line) if isinstance(found, dict) else _frozen(found)
+    return Unknown("...", line) if isinstance(plain_value, dict) else _frozen(plain_value)
 
 
 def _frozen(value: Any) -> PlainValue:

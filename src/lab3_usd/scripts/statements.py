@@ -98,22 +98,22 @@ def _assign_item(target: ast.Subscript, value: Value, scope: Scope, run: Run) ->
 def _unpack(targets: list[ast.expr], value: Value, scope: Scope, run: Run) -> None:
     items = listed(value)
     stars = [number for number, each in enumerate(targets) if isinstance(each, ast.Starred)]
-    known = [] if items is None else items.items
+    values = [] if items is None else items.items
     fits = items is not None and (
-        len(known) == len(targets) or (bool(stars) and len(known) >= len(targets) - 1)
+        len(values) == len(targets) or (bool(stars) and len(values) >= len(targets) - 1)
     )
     if not fits or items is None:
         for number, target in enumerate(targets):
-            has_it = number < len(known) and not stars
-            assign(target, known[number] if has_it else unknown(target), scope, run)
+            has_it = number < len(values) and not stars
+            assign(target, values[number] if has_it else unknown(target), scope, run)
         return
     if not stars:
-        for target, item in zip(targets, known, strict=True):
+        for target, item in zip(targets, values, strict=True):
             assign(target, item, scope, run)
         return
     first, behind = stars[0], len(targets) - stars[0] - 1
-    middle = Items(known[first : len(known) - behind], items.at)
-    spread = [*known[:first], middle, *known[len(known) - behind :]]
+    middle = Items(values[first : len(values) - behind], items.at)
+    spread = [*values[:first], middle, *values[len(values) - behind :]]
     for target, item in zip(targets, spread, strict=True):
         assign(target, item, scope, run)
 
@@ -200,16 +200,16 @@ def _return(node: ast.Return, scope: Scope, run: Run) -> Ending:
 
 def function_scope(scope: Scope) -> Scope:
     """Return the scope of the function, or of the module, that a scope is in."""
-    found: Scope = scope
-    while found.kind not in ("function", "module") and found.outer is not None:
-        found = found.outer
-    return found
+    enclosing: Scope = scope
+    while enclosing.kind not in ("function", "module") and enclosing.outer is not None:
+        enclosing = enclosing.outer
+    return enclosing
 
 
 def _if(node: ast.If, scope: Scope, run: Run) -> Ending:
-    known = truth(evaluate(node.test, scope, run))
-    if known is not None:
-        return execute(node.body if known else node.orelse, scope, run)
+    outcome = truth(evaluate(node.test, scope, run))
+    if outcome is not None:
+        return execute(node.body if outcome else node.orelse, scope, run)
     return _branch(node.test, node.body, node.orelse, scope, run)
 
 
@@ -245,11 +245,11 @@ def _only_leaves(body: Sequence[ast.stmt], run: Run) -> bool:
     )
     if not leaves:
         return False
-    known = run.looked_at.get(-id(body))
-    if known is None:
-        known = not any(id(part) in run.builders for part in _walk(body))
-        run.looked_at[-id(body)] = known
-    return known
+    only_leaves = run.looked_at.get(-id(body))
+    if only_leaves is None:
+        only_leaves = not any(id(part) in run.builders for part in _walk(body))
+        run.looked_at[-id(body)] = only_leaves
+    return only_leaves
 
 
 def _walk(body: Sequence[ast.stmt]) -> Iterator[ast.AST]:
@@ -263,10 +263,10 @@ _MUTATES = frozenset(
 
 def _matters(body: Sequence[ast.stmt], run: Run) -> bool:
     """Whether statements build graphs, or change lists."""
-    known = run.looked_at.get(id(body))
-    if known is None:
-        known = run.looked_at[id(body)] = any(_is_of_weight(part, run) for part in _walk(body))
-    return known
+    matters = run.looked_at.get(id(body))
+    if matters is None:
+        matters = run.looked_at[id(body)] = any(_is_of_weight(part, run) for part in _walk(body))
+    return matters
 
 
 def _is_of_weight(part: ast.AST, run: Run) -> bool:
@@ -331,14 +331,14 @@ def _element(node: ast.For | ast.AsyncFor, value: Value) -> Value:
 
 def _while(node: ast.While, scope: Scope, run: Run) -> Ending:
     for _ in range(MOST_ROUNDS if _matters(node.body, run) else FEW_ROUNDS):
-        known = truth(evaluate(node.test, scope, run))
-        if known is False:
+        outcome = truth(evaluate(node.test, scope, run))
+        if outcome is False:
             return execute(node.orelse, scope, run)
         ending = execute(node.body, scope, run)
         if ending in ("return", "raise"):
             return ending
         # What goes on for ever, or nobody knows how long, is gone through once.
-        if ending == "break" or known is None or isinstance(node.test, ast.Constant):
+        if ending == "break" or outcome is None or isinstance(node.test, ast.Constant):
             return ""
     return ""
 
@@ -389,8 +389,8 @@ def _match(node: ast.Match, scope: Scope, run: Run) -> Ending:
         if isinstance(pattern, ast.MatchValue):
             test = ast.Compare(node.subject, [ast.Eq()], [pattern.value])
             ast.copy_location(test, pattern)
-            known = truth(evaluate(test, scope, run))
-            if known or (known is None and run.decide(test)):
+            outcome = truth(evaluate(test, scope, run))
+            if outcome or (outcome is None and run.decide(test)):
                 return execute(case.body, scope, run)
     del value
     return ""

@@ -223,15 +223,15 @@ class Class:
     def lines(self) -> Iterator[Class]:
         """Yield the class and its bases, nearest first."""
         seen: list[Class] = [self]
-        for known in seen:
-            yield known
-            seen += [base for base in known.bases if isinstance(base, Class) and base not in seen]
+        for kind in seen:
+            yield kind
+            seen += [base for base in kind.bases if isinstance(base, Class) and base not in seen]
 
     def find(self, name: str) -> tuple[Value, Class] | None:
         """Return an attribute and the class that has it."""
-        for known in self.lines():
-            if name in known.scope.names:
-                return known.scope.names[name], known
+        for kind in self.lines():
+            if name in kind.scope.names:
+                return kind.scope.names[name], kind
         return None
 
 
@@ -345,8 +345,8 @@ def same(one: Value, other: Value, depth: int = 4) -> bool | None:
             return None
         if len(one.items) != len(other.items):
             return False
-        found = [same(*pair, depth - 1) for pair in zip(one.items, other.items, strict=True)]
-        return False if False in found else None if None in found else True
+        pairs = [same(*pair, depth - 1) for pair in zip(one.items, other.items, strict=True)]
+        return False if False in pairs else None if None in pairs else True
     plain = (bool, int, float, type(None))
     if isinstance(one, plain) and isinstance(other, plain):
         return bool(one == other)
@@ -364,13 +364,13 @@ def joined(one: Value, other: Value, what: Unknown) -> Value:
 
 def assigned(node: ast.ClassDef) -> dict[str, list[ast.expr]]:
     """Return what the methods of a class assign to each attribute of their object."""
-    found: dict[str, list[ast.expr]] = {}
+    expressions: dict[str, list[ast.expr]] = {}
     for part in ast.walk(node):
         if isinstance(part, (ast.Assign, ast.AnnAssign)) and part.value is not None:
             for target in part.targets if isinstance(part, ast.Assign) else [part.target]:
                 if isinstance(target, ast.Attribute) and isinstance(target.value, ast.Name):
-                    found.setdefault(target.attr, []).append(part.value)
-    return found
+                    expressions.setdefault(target.attr, []).append(part.value)
+    return expressions
 
 
 class UnknownValueError(Exception):

@@ -166,12 +166,12 @@ class World:
         """Return the node at a path, one of the scene as well."""
         if path in self.nodes:
             return self.nodes[path]
-        known = None if self._is_removed(path) else self.scene.nodes.get(path)
-        if known is None:
+        scene_node = None if self._is_removed(path) else self.scene.nodes.get(path)
+        if scene_node is None:
             return None
         if path not in self.changed:
             nowhere = (0, 0, 0, 0)
-            kind = Text(known.type_name, nowhere)
+            kind = Text(scene_node.type_name, nowhere)
             self.changed[path] = BuiltNode(path, path.rpartition("/")[0], kind, nowhere)
         return self.changed[path]
 
@@ -209,7 +209,8 @@ class World:
         """Note what ends the script at a place, or goes wrong there without a word."""
         fault = BuildFault(kind, prim, property, name, at, meant, others)
         if not any(
-            known.kind == kind and known.at == at and known.name == name for known in self.faults
+            earlier.kind == kind and earlier.at == at and earlier.name == name
+            for earlier in self.faults
         ):
             self.faults.append(fault)
 
@@ -256,11 +257,15 @@ class World:
         """Take a prim out with all below it; what was there is judged as one of the past."""
         if any(f"{node}/".startswith(f"{path}/") for node in self.nodes):
             self.past.append(self.kept())
-        for node in [known for known in self.nodes if f"{known}/".startswith(f"{path}/")]:
+        for node in [
+            other_path for other_path in self.nodes if f"{other_path}/".startswith(f"{path}/")
+        ]:
             self.remove_node(node)
-        for graph in [known for known in self.graphs if f"{known}/".startswith(f"{path}/")]:
+        for graph in [
+            other_path for other_path in self.graphs if f"{other_path}/".startswith(f"{path}/")
+        ]:
             del self.graphs[graph]
-        if path and any(is_at_or_below(known, path) for known in self.scene.graphs):
+        if path and any(is_at_or_below(other_path, path) for other_path in self.scene.graphs):
             self.removed.add(path)
 
     def open_graph(self, path: str, what: Unknown) -> None:

@@ -13,22 +13,22 @@ from lab3_usd.spec.load.loader import load_lab
 @lru_cache(maxsize=64)
 def manual_of(rule: str) -> str:
     """Return the manual of a rule, '' for one that does not exist."""
-    known = rules_in(load_lab()).get(rule)
-    if known is None:
+    entry = rules_in(load_lab()).get(rule)
+    if entry is None:
         return ""
-    return "\n\n".join([f"**{known.id} {known.name}** ({known.severity})", *_paragraphs(known)])
+    return "\n\n".join([f"**{entry.id} {entry.name}** ({entry.severity})", *_paragraphs(entry)])
 
 
 def rule_pages() -> Iterator[tuple[str, str]]:
     """Yield the id of each rule and its page, with a heading."""
     lab = load_lab()
-    for known in rules_in(lab).values():
-        parts = [f"# {known.id} {known.name}"]
-        parts += [f"`{known.severity}`, {families()[known.family]}"]
-        parts += [f"See also [{twin.id} {twin.name}]({twin.id}.md)." for twin in twins(known)]
-        if section := lab.handout.rules.get(known.id):
+    for rule in rules_in(lab).values():
+        parts = [f"# {rule.id} {rule.name}"]
+        parts += [f"`{rule.severity}`, {families()[rule.family]}"]
+        parts += [f"See also [{twin.id} {twin.name}]({twin.id}.md)." for twin in twins(rule)]
+        if section := lab.handout.rules.get(rule.id):
             parts.append(f"Handout: {section}")
-        yield known.id, "\n\n".join([*parts, *_paragraphs(known)]) + "\n"
+        yield rule.id, "\n\n".join([*parts, *_paragraphs(rule)]) + "\n"
 
 
 def _paragraphs(rule: Rule) -> Iterator[str]:

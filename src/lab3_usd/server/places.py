@@ -115,7 +115,7 @@ def definition(text: str, path: str) -> Span | None:
 
 def _without_variants(blocks: Mapping[str, Block]) -> dict[str, Block]:
     """Return the blocks by the paths that prims have on a stage."""
-    found: dict[str, Block] = {}
+    by_path: dict[str, Block] = {}
     for path, block in blocks.items():
-        found.setdefault(_VARIANT.sub("", path), block)
-    return found
+        by_path.setdefault(_VARIANT.sub("", path), block)
+    return by_path

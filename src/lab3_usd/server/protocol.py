@@ -191,7 +191,7 @@ def _actions(
 ) -> list[types.CodeAction]:
     """Return the safe repairs of what is found in some lines, each as an edit of lines."""
     diagnosis = server.known.get(document.uri, Diagnosis())
-    found = []
+    actions = []
     for finding in diagnosis.findings:
         place = _range_of(document, finding)
         changes = repairs_of(diagnosis, finding)
@@ -212,8 +212,8 @@ def _actions(
             edit=types.WorkspaceEdit(changes={document.uri: edits}),
             is_preferred=True,
         )
-        found.append(action)
-    return found
+        actions.append(action)
+    return actions
 
 
 def _definition(
@@ -225,8 +225,8 @@ def _definition(
         return None
     lines = Lines(text)
     here = document.position_codec.position_from_client_units(document.lines, position)
-    found = path_at(text, lines.offset(here.line, here.character))
-    span = definition(text, found[0]) if found is not None else None
+    place = path_at(text, lines.offset(here.line, here.character))
+    span = definition(text, place[0]) if place is not None else None
     return None if span is None else types.Location(document.uri, _range(document, lines, span))
 
 

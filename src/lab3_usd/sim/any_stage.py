@@ -123,8 +123,8 @@ def _failing(plays: Sequence[Judged], whole: Sequence[Check]) -> Iterator[RunFau
         if check.verdict != "ok"
         for word in (check.prim, *check.text.replace(";", " ").split())
     }
-    known = [play.trial.causes for play in plays]
-    causes = [each for each in known if isinstance(each, RunCauses)]
+    causes_of_plays = [play.trial.causes for play in plays]
+    causes = [each for each in causes_of_plays if isinstance(each, RunCauses)]
     for path in causes[0].program.nodes if causes else ():
         running = [each.program.nodes.get(path) for each in causes]
         failures = [node.failure for node in running if node is not None]
@@ -296,12 +296,12 @@ def _moving_messages(trial: Trial) -> list[Message]:
         for parent, child in message.frames:
             with_frame.setdefault(child, []).append(message)
             up[child] = parent
-    frame, found = trial.wanted.base, messages
+    frame, kept = trial.wanted.base, messages
     for _ in up:
         sent = with_frame.get(frame, [])
-        found = sent if REPEATED < len(sent) < len(found) else found
+        kept = sent if REPEATED < len(sent) < len(kept) else kept
         frame = up.get(frame, "")
-    return found
+    return kept
 
 
 def placed_scan(trial: Trial) -> Iterator[RunFault]:

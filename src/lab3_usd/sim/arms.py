@@ -58,11 +58,11 @@ class Reach(Struct, frozen=True):
 
 
 def reach_of(
-    controller: NodeInstance, machine: Machine, world: World, others: Collection[str]
+    controller: NodeInstance, machine: Machine, world: World, taken: Collection[str]
 ) -> Reach:
     """Return the joints that messages move over a controller, before one came.
 
-    `others` are the joints that other controllers name. Names that come with the messages may be
+    `taken` are the joints that other controllers name. Names that come with the messages may be
     those of any joint of the robot; what is not meant to be commanded is left alone.
     """
     articulated = machine.articulated
@@ -79,7 +79,7 @@ def reach_of(
         return Reach(tuple(fixed), tuple(fixed), kind=kind) if kind is not None else Reach()
     is_by_message = _NAMES in controller.fed
     missing = tuple(_missing(machine, world)) if is_by_message else ()
-    untold = dict(_left_alone(machine, world, others))
+    untold = dict(_left_alone(machine, world, taken))
     names = (*articulated, *missing)
     told = tuple(name for name in names if name not in untold)
     kind = _commanded(machine, told, controller)
@@ -109,7 +109,7 @@ def _is_outward(names: Sequence[str], machine: Machine) -> bool:
 
 
 def _left_alone(
-    machine: Machine, world: World, others: Collection[str]
+    machine: Machine, world: World, taken: Collection[str]
 ) -> Iterator[tuple[str, str]]:
     """Yield the joints that are not meant to be commanded, each with the reason."""
     prims, is_chain = world.scene.prims, not _has_loop(machine, world)
@@ -118,7 +118,7 @@ def _left_alone(
     rolling |= {joint.name for wheel in wheels for joint in machine.above(wheel.carrier)}
     for name, joint in machine.articulated.items():
         prim = prims[joint.path]
-        if name in others:
+        if name in taken:
             yield name, "another controller names it"
         elif joint.kind not in DRIVEN_AXES:
             yield name, "it has several axes"
@@ -361,9 +361,9 @@ def shown_prims(trial: Trial, node: str) -> dict[str, str]:
     return {
         prim: feeding.path
         for feeding in (running.feeding if running is not None else ())
-        for port, found in feeding.node.targets.items()
+        for port, paths in feeding.node.targets.items()
         if feeding.type.tf is None or port not in feeding.type.tf.prims[:1]
-        for prim in found
+        for prim in paths
     }
 
 

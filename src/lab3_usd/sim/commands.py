@@ -105,10 +105,10 @@ def of_another(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
         if len(expected) != 1 or (not space and expected & shown[domain, message.type]):
             continue
         for prim, node in sorted(shown_prims(trial, message.node).items()):
-            found = owners(prim)
+            owner_paths = owners(prim)
             # A transform of another robot's base may say where that is.
-            is_base = prim in found and message.type == TRANSFORMS
-            if len(found) == 1 and not found & expected and not is_base:
+            is_base = prim in owner_paths and message.type == TRANSFORMS
+            if len(owner_paths) == 1 and not owner_paths & expected and not is_base:
                 text = f"{message.topic} shows {prim}, which is not part of {min(expected)}"
                 yield RunFault(text, "wrong-topic", node)
                 break

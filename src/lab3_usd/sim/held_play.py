@@ -68,8 +68,8 @@ def _added(scene: Scene, whole: Scene) -> tuple[str, ...] | None:
         return None
     if any(whole.prims[path] != prim for path, prim in scene.prims.items()):
         return None
-    known = {graph.path for graph in scene.graphs}
-    if tuple(graph for graph in whole.graphs if graph.path in known) != scene.graphs:
+    paths = {graph.path for graph in scene.graphs}
+    if tuple(graph for graph in whole.graphs if graph.path in paths) != scene.graphs:
         return None
     return tuple(path for path in whole.prims if path not in scene.prims)
 

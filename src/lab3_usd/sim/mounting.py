@@ -33,23 +33,23 @@ def _seen(message: Message) -> tuple[str, Affine] | None:
 
 def streams(messages: Sequence[Message]) -> dict[tuple[int | None, str], list[Message]]:
     """Return the messages of sensors in the first session, by domain and topic."""
-    found: dict[tuple[int | None, str], list[Message]] = {}
+    by_topic: dict[tuple[int | None, str], list[Message]] = {}
     for message in messages:
         if not message.session and _seen(message) is not None:
-            found.setdefault((message.away, message.topic), []).append(message)
-    return found
+            by_topic.setdefault((message.away, message.topic), []).append(message)
+    return by_topic
 
 
 def carried_streams(trial: Trial, scene: Scene, machine: Machine) -> list[list[Message]]:
     """Return the messages of each sensor of a robot whose points, if any, are in its own axes."""
-    found = []
+    carried = []
     for messages in streams(trial.recording.messages).values():
         sensor = messages[0].data.sensor
         is_carried = any(is_within(sensor, (path,)) for path in machine.rest)
         in_own_axes = scene.prims[sensor].values.get(_AXES, _OWN) == _OWN
         if is_carried and in_own_axes and messages[0].away is None:
-            found.append(messages)
-    return found
+            carried.append(messages)
+    return carried
 
 
 def own_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFault]:

@@ -29,13 +29,13 @@ def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Tri
     Those of no robot are held against the one that has odometry.
     """
     prims = shown_prims(played, node)
-    known = ((each.name, each.machine) for each in robots)
-    names = {name for name, machine in known if machine is not None and are_of(prims, machine)}
+    machines = ((each.name, each.machine) for each in robots)
+    names = {name for name, machine in machines if machine is not None and are_of(prims, machine)}
     if not names:
         return bool(prims) or (len(robots) > 1 and not robot.odometry)
-    others = names - {robot.name}
-    ends = {name.rpartition("/")[2] for name in others}
-    return bool(others) and (names == others or robot.name.rpartition("/")[2] in ends)
+    rest = names - {robot.name}
+    ends = {name.rpartition("/")[2] for name in rest}
+    return bool(rest) and (names == rest or robot.name.rpartition("/")[2] in ends)
 
 
 def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene) -> Trial:

@@ -88,12 +88,12 @@ def robots_of(
     Raises:
         UsageError: a topic is asked for, and no robot listens to it.
     """
-    found = listening_robots(scene, platform, standing)
-    known = sorted({robot.commands.topic for robot in found})
-    if topic and topic not in known:
-        raise UsageError(f"--topic {topic}: moves no robot; robots listen to {known or 'nothing'}")
+    listening = listening_robots(scene, platform, standing)
+    topics = sorted({robot.commands.topic for robot in listening})
+    if topic and topic not in topics:
+        raise UsageError(f"--topic {topic}: moves no robot; robots listen to {topics or 'nothing'}")
     robots: dict[tuple[str, str, int], Robot] = {}
-    for robot in sorted(found, key=lambda robot: robot.kind != TWIST):
+    for robot in sorted(listening, key=lambda robot: robot.kind != TWIST):
         key = (robot.name, robot.commands.topic, robot.commands.domain)
         first = robots.setdefault(key, robot)
         robots[key] = replace(
@@ -145,7 +145,7 @@ def owners_of(robots: Sequence[Robot]) -> Callable[[str], frozenset[str]]:
 def owned_graphs(robots: Sequence[Robot], scene: Scene) -> dict[str, frozenset[str]]:
     """Return the bases of the robots that the prims named in each graph belong to."""
     owners = owners_of(robots)
-    found = {}
+    owner_paths = {}
     for graph in scene.graphs:
         named = [path for node in graph.nodes for paths in node.targets.values() for path in paths]
         named += [
@@ -154,8 +154,8 @@ def owned_graphs(robots: Sequence[Robot], scene: Scene) -> dict[str, frozenset[s
             for state in node.inputs.values()
             if isinstance(state.value, str) and state.value.startswith("/")
         ]
-        found[graph.path] = frozenset(owner for path in named for owner in owners(path))
-    return found
+        owner_paths[graph.path] = frozenset(owner for path in named for owner in owners(path))
+    return owner_paths
 
 
 def scene_for(
@@ -172,10 +172,10 @@ def scene_for(
     graphs = {path.rpartition("/")[0] for path in own}
     kept = []
     for graph in scene.graphs:
-        found = owned[graph.path]
-        types = () if found else [platform.get(node.type) for node in graph.nodes]
+        owners_of_graph = owned[graph.path]
+        types = () if owners_of_graph else [platform.get(node.type) for node in graph.nodes]
         if (
-            robot.machine.base in found
+            robot.machine.base in owners_of_graph
             or graph.path in graphs
             or any(t is None or TRANSFORMS in t.message.values() for t in types)
         ):
@@ -255,34 +255,34 @@ def _reach(controller: NodeInstance, machine: Machine | None, player: Player) ->
     if machine is None:
         return Reach()
     world = player.world
-    others = {
+    taken = {
         name
         for node in player.program.nodes.values()
         if node.type.drives is not None and node is not controller
         for name in node.items("jointNames", world)
         if articulated(node, world) is machine
     }
-    return reach_of(controller, machine, world, others)
+    return reach_of(controller, machine, world, taken)
 
 
 def _followers(scene: Scene) -> dict[str, list[str]]:
     """Return the nodes into which wires lead from each node."""
-    found: dict[str, list[str]] = {}
+    by_source: dict[str, list[str]] = {}
     for node in (node for graph in scene.graphs for node in graph.nodes):
         wires = (wire for state in node.inputs.values() for wire in state.sources)
         for source in dict.fromkeys(wire.rpartition(".")[0] for wire in wires):
-            found.setdefault(source, []).append(node.path)
-    return found
+            by_source.setdefault(source, []).append(node.path)
+    return by_source
 
 
 def _behind(followers: Mapping[str, Sequence[str]], start: str) -> list[str]:
     """Return the nodes into which wires lead from a node, over others as well, nearest first."""
-    found = {start: None}
+    paths = {start: None}
     for path in (waiting := [start]):
-        new = [follower for follower in followers.get(path, ()) if follower not in found]
-        found.update(dict.fromkeys(new))
+        new = [follower for follower in followers.get(path, ()) if follower not in paths]
+        paths.update(dict.fromkeys(new))
         waiting += new
-    return [*found][1:]
+    return [*paths][1:]
 
 
 def _stated_size(name: str, nodes: Sequence[NodeInstance], world: World) -> float:

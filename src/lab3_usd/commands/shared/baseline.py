@@ -60,15 +60,15 @@ class Compared(NamedTuple):
 
 def write_baseline(report: Report, path: Path) -> int:
     """Write every finding of a report as known, and return how many there are."""
-    known = [known_finding for known_finding, _ in _known_findings(report, path)]
+    entries = [known_finding for known_finding, _ in _known_findings(report, path)]
     content = {
         "version": VERSION,
         "tool": {"name": NAME, "version": tool_version()},
-        "findings": [msgspec.to_builtins(known_finding) for known_finding in known],
+        "findings": [msgspec.to_builtins(known_finding) for known_finding in entries],
         "not_judged": [msgspec.to_builtins(gap) for gaps in _gaps(report, path) for gap in gaps[1]],
     }
     write_whole(path, (json.dumps(content, indent=1) + "\n").encode(), force=True)
-    return len(known)
+    return len(entries)
 
 
 def read_baseline(path: Path) -> Baseline:
@@ -97,13 +97,13 @@ def without_known(report: Report, path: Path, config: Config) -> Compared:
         UsageError: the baseline cannot be read, or is none.
     """
     baseline = read_baseline(path)
-    known, current = _grouped(baseline.findings), list(_known_findings(report, path))
+    by_key, current = _grouped(baseline.findings), list(_known_findings(report, path))
     present = _grouped(known_finding for known_finding, _ in current)
     kept = {
         id(finding)
         for known_finding, finding in current
         if not _is_among(
-            known_finding, present[_key(known_finding)], known.get(_key(known_finding), [])
+            known_finding, present[_key(known_finding)], by_key.get(_key(known_finding), [])
         )
     }
 
@@ -117,7 +117,7 @@ def without_known(report: Report, path: Path, config: Config) -> Compared:
     files = {_from(path, file) for file in paths}
     gone = tuple(
         known_finding
-        for key, group in known.items()
+        for key, group in by_key.items()
         for known_finding in group
         if known_finding.file in files
         and not _is_among(known_finding, group, present.get(key, []))
@@ -140,9 +140,9 @@ def _gaps(report: Report, path: Path) -> Iterator[tuple[str, list[KnownGap]]]:
             yield result.path, [KnownGap(name, gap) for gap in result.gaps]
 
 
-def _key(known: KnownFinding) -> tuple[str, str]:
+def _key(entry: KnownFinding) -> tuple[str, str]:
     """Return the key by which a baseline recognises a finding."""
-    return known.file, known.fingerprint.partition(":")[0]
+    return entry.file, entry.fingerprint.partition(":")[0]
 
 
 def _grouped(findings: Iterable[KnownFinding]) -> dict[tuple[str, str], list[KnownFinding]]:
@@ -160,7 +160,7 @@ def _is_among(
     A lone one is, whatever it says now; of several the message tells which is which.
     """
     is_lone = len(own) == len(group) == 1
-    return is_lone or any(known.message == finding.message for known in group)
+    return is_lone or any(entry.message == finding.message for entry in group)
 
 
 def _known_findings(report: Report, path: Path) -> list[tuple[KnownFinding, Finding]]:

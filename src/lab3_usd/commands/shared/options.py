@@ -119,8 +119,8 @@ def complete_releases(
     texts = {name: f"Isaac Sim {name}" for name in reversed(lint_platform().known_releases)}
     if "--from" in param.opts:
         texts[AUTO] = "as the stage says"
-    known = ((name, text) for name, text in texts.items() if name.startswith(incomplete))
-    return [CompletionItem(name, help=text) for name, text in known]
+    releases = ((name, text) for name, text in texts.items() if name.startswith(incomplete))
+    return [CompletionItem(name, help=text) for name, text in releases]
 
 
 isaac_option: Option = click.option(
@@ -361,7 +361,7 @@ def split_rules(values: Iterable[str]) -> tuple[str, ...]:
     return check_rule_names(parts)
 
 
-def checkpoint_number(given: str, known: Collection[str]) -> str:
+def checkpoint_number(given: str, numbers: Collection[str]) -> str:
     """Return the number of a checkpoint as the lab writes it: `2` is `02`.
 
     Raises:
@@ -369,12 +369,12 @@ def checkpoint_number(given: str, known: Collection[str]) -> str:
     """
     alike = (
         checkpoint
-        for checkpoint in known
+        for checkpoint in numbers
         if checkpoint.isdecimal() and given.isdecimal() and int(checkpoint) == int(given)
     )
-    number = given if given in known else next(alike, given)
-    if number not in known:
-        raise UsageError(f"there is no checkpoint '{given}'; known are {', '.join(known)}")
+    number = given if given in numbers else next(alike, given)
+    if number not in numbers:
+        raise UsageError(f"there is no checkpoint '{given}'; known are {', '.join(numbers)}")
     return number
 
 

@@ -103,8 +103,8 @@ def without_baseline(report: Report, reporting: Reporting) -> Report:
         UsageError: the baseline cannot be read, or is none.
     """
     written, given = reporting.report.write_baseline, reporting.report.baseline
-    known = given if written is None else written
-    if known is None or reporting.report.form == GRADESCOPE:
+    baseline = given if written is None else written
+    if baseline is None or reporting.report.form == GRADESCOPE:
         return report
     from lab3_usd.commands.shared.baseline import without_known, write_baseline
 
@@ -113,7 +113,7 @@ def without_baseline(report: Report, reporting: Reporting) -> Report:
         click.echo(
             f"{program()}: {count} finding{'s' * (count != 1)} written to {written}", err=True
         )
-    compared = without_known(report, known, reporting.config)
+    compared = without_known(report, baseline, reporting.config)
     if compared.gone:
         click.echo(f"{program()}: {len(compared.gone)} of {given} no longer found:", err=True)
     for finding in compared.gone:

@@ -121,26 +121,26 @@ def changes_between(before: Report, after: Report) -> ReportChanges:
     """
     unread = {result.path for result in after.results if result.verdict == "unreadable"}
     old, unknown = list[_Known](), list[_Known]()
-    for known in _known(before):
-        is_unknown = known.path in unread and known.finding.unopened != "stage"
-        (unknown if is_unknown else old).append(known)
+    for reported in _known(before):
+        is_unknown = reported.path in unread and reported.finding.unopened != "stage"
+        (unknown if is_unknown else old).append(reported)
     new = list(_known(after))
-    counts = Counter((known.key, known.finding.message) for known in old)
-    counts.subtract((known.key, known.finding.message) for known in new)
+    counts = Counter((reported.key, reported.finding.message) for reported in old)
+    counts.subtract((reported.key, reported.finding.message) for reported in new)
     added = list(_surplus(new, -counts))
     repaired = list(_surplus(old, +counts))
     changed = []
-    for known in list(added):
-        twin = next((other for other in repaired if other.key == known.key), None)
+    for reported in list(added):
+        twin = next((other for other in repaired if other.key == reported.key), None)
         if twin is not None:
-            added.remove(known)
+            added.remove(reported)
             repaired.remove(twin)
-            changed.append(known)
+            changed.append(reported)
     return ReportChanges(
-        tuple(known.finding for known in added),
-        tuple(known.finding for known in changed),
-        tuple(known.finding for known in repaired),
-        tuple(known.finding for known in unknown),
+        tuple(reported.finding for reported in added),
+        tuple(reported.finding for reported in changed),
+        tuple(reported.finding for reported in repaired),
+        tuple(reported.finding for reported in unknown),
     )
 
 
@@ -153,10 +153,10 @@ def _known(report: Report) -> Iterator[_Known]:
 def _surplus(reported: list[_Known], more: Counter[tuple[_Key, str]]) -> Iterator[_Known]:
     """Yield as many findings as one report has more than the other."""
     left = Counter(more)
-    for known in reported:
-        if left[known.key, known.finding.message] > 0:
-            left[known.key, known.finding.message] -= 1
-            yield known
+    for each in reported:
+        if left[each.key, each.finding.message] > 0:
+            left[each.key, each.finding.message] -= 1
+            yield each
 
 
 def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str]:
@@ -399,9 +399,9 @@ class _Session:
         """Return the whole report, with what was last found in files that cannot be read now."""
         whole, results = self._whole(), list[StageResult]()
         for result in whole.results:
-            known = self._read.get(result.path)
-            if known is not None and result.verdict == "unreadable":
-                result = replace(result, findings=(*result.findings, *known.findings))  # noqa: PLW2901
+            earlier = self._read.get(result.path)
+            if earlier is not None and result.verdict == "unreadable":
+                result = replace(result, findings=(*result.findings, *earlier.findings))  # noqa: PLW2901
             results.append(result)
         return replace(whole, results=tuple(results))
 

@@ -66,8 +66,8 @@ def check_ways(stages: Sequence[Path], writing: WritingOptions, **further: Path 
     ways = {"--diff": writing.diff, "--output": output, "--in-place": writing.in_place}
     ways |= {f"--{name}": value for name, value in further.items()}
     if len([value for value in ways.values() if value]) > 1:
-        *others, last = ways
-        raise UsageError(f"{', '.join(others)} and {last} exclude each other")
+        *earlier, last = ways
+        raise UsageError(f"{', '.join(earlier)} and {last} exclude each other")
     if output is None:
         return
     if len(stages) > 1:

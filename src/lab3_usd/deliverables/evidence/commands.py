@@ -249,8 +249,8 @@ def _target(words: Sequence[str], count: int, *, of_all: bool) -> str | None:
         names.sort(key=lambda name: not name.startswith("/"))
     if len(names) < count or not all(_PLACE.fullmatch(name) for name in names[:count]):
         return None
-    found = [name.strip("/") for name in names[:count]]
-    return f"/{found[0]}" if count == 1 else " ".join(found)
+    targets = [name.strip("/") for name in names[:count]]
+    return f"/{targets[0]}" if count == 1 else " ".join(targets)
 
 
 def _named_block(text: str, name: str, ros: RosSpec) -> Iterator[CommandOutput]:
@@ -274,8 +274,8 @@ def _named_block(text: str, name: str, ros: RosSpec) -> Iterator[CommandOutput]:
 def _looks_like(text: str, ros: RosSpec) -> str | None:
     lines = [line.strip() for line in text.splitlines() if line.strip()]
     if lines and all(NAME.match(line) for line in lines):
-        known = {*ros.topics, *ros.system.topics}
-        return "topic_list" if known & {line.split()[0] for line in lines} else "node_list"
+        topics = {*ros.topics, *ros.system.topics}
+        return "topic_list" if topics & {line.split()[0] for line in lines} else "node_list"
     plain = "\n".join(line.rstrip() for line in text.strip().splitlines())
     return next((kind for kind, pattern in _CONTENT_PATTERNS if pattern.search(plain)), None)
 
@@ -283,9 +283,9 @@ def _looks_like(text: str, ros: RosSpec) -> str | None:
 def _target_in(name: str, commands: Sequence[Command]) -> str:
     """Return the longest target that the name of a file spells; empty when it spells none."""
     spelled = f"_{file_word(name.rpartition('.')[0] or name)}_"
-    found = [
+    targets = [
         command.target
         for command in commands
         if all(f"_{file_word(part)}_" in spelled for part in command.target.split())
     ]
-    return max(found, key=len, default="")
+    return max(targets, key=len, default="")

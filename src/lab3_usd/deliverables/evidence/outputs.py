@@ -156,8 +156,8 @@ def was_run(text: str) -> bool:
 
 def parse_names(text: str) -> tuple[str, ...] | None:
     """Read `ros2 topic list` or `ros2 node list` (ros2topic and ros2node, verb/list.py)."""
-    found = [NAME.match(line) for line in _run_of(NAME, text)]
-    return tuple(dict.fromkeys(match[1] for match in found if match)) or None
+    matches = [NAME.match(line) for line in _run_of(NAME, text)]
+    return tuple(dict.fromkeys(match[1] for match in matches if match)) or None
 
 
 def _run_of(pattern: re.Pattern[str], text: str) -> Iterator[str]:
@@ -179,14 +179,14 @@ def parse_listed_types(text: str) -> dict[str, str]:
 
 def parse_info_type(text: str) -> str | None:
     """Read the type that `ros2 topic info` prints first (ros2topic/verb/info.py)."""
-    found = _INFO_TYPE.search(text)
-    return None if found is None else found[1]
+    match = _INFO_TYPE.search(text)
+    return None if match is None else match[1]
 
 
 def parse_hearers(text: str) -> int | None:
     """Read how many subscriptions `ros2 topic info` counts (ros2topic/verb/info.py)."""
-    found = _HEARERS.search(text)
-    return None if found is None else int(found[1])
+    match = _HEARERS.search(text)
+    return None if match is None else int(match[1])
 
 
 def parse_rate(text: str) -> float | None:
@@ -194,12 +194,12 @@ def parse_rate(text: str) -> float | None:
 
     It is 0 when none came, and when nothing came any more at the end.
     """
-    rates = [parsed_number(found) for found in _RATE.findall(text)]
+    rates = [parsed_number(digits) for digits in _RATE.findall(text)]
     if text.rfind(_NO_MORE) > max(text.rfind("average rate:"), -1):
         return 0.0
-    known = [rate for rate in rates if math.isfinite(rate)]
-    if known:
-        return known[-1]
+    finite = [rate for rate in rates if math.isfinite(rate)]
+    if finite:
+        return finite[-1]
     return 0.0 if rates or _UNPUBLISHED.search(text) else None
 
 
@@ -249,16 +249,16 @@ def parse_state(text: str) -> str | None:
 
 def parse_states(text: str) -> dict[str, str]:
     """Read `ros2 lifecycle get` without a node, which names the node in every line."""
-    found = (_STATE.match(line.strip()) for line in text.splitlines())
-    return {match["node"]: match["state"] for match in found if match and match["node"]}
+    matches = (_STATE.match(line.strip()) for line in text.splitlines())
+    return {match["node"]: match["state"] for match in matches if match and match["node"]}
 
 
 def parse_lookup(text: str) -> Lookup | None:
     """Read `tf2_echo` (tf2_ros/src/tf2_echo.cpp): the last translation in metres, if any came."""
-    found = _TRANSLATION.findall(text)
-    if not found:
+    translations = _TRANSLATION.findall(text)
+    if not translations:
         return Lookup(found=False) if _NO_TRANSFORM.search(text) else None
-    numbers = [parsed_number(digits) for digits in found[-1].split(",")]
+    numbers = [parsed_number(digits) for digits in translations[-1].split(",")]
     if len(numbers) != 3:  # noqa: PLR2004 - x, y, z
         return Lookup(found=True)
     return Lookup(found=True, translation=(numbers[0], numbers[1], numbers[2]))
@@ -274,8 +274,8 @@ def parse_tree(text: str) -> tuple[Edge, ...] | None:
         return tuple(dict.fromkeys((p, c) for p, c in _DOT_EDGE.findall(text)))
     plain = text.replace("\\n", "\n")
     opened = re.sub(r"frame_yaml=[\"']", "\n", plain)
-    found = _YAML_EDGE.findall(opened)
-    edges = tuple(dict.fromkeys((parent.strip(), child) for child, parent in found))
+    edges_read = _YAML_EDGE.findall(opened)
+    edges = tuple(dict.fromkeys((parent.strip(), child) for child, parent in edges_read))
     return edges if edges or "frame_yaml=" in text else None
 
 

@@ -66,7 +66,9 @@ def read_texts(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidence
     Texts of no known form are left out. Where the collecting script saved an output, its file
     speaks for that command alone, and its silence says something.
     """
-    found: _Found = {kind: {} for kind in (*_PARSERS, "listed_type", "topic_hearers", "goals")}
+    observations: _Found = {
+        kind: {} for kind in (*_PARSERS, "listed_type", "topic_hearers", "goals")
+    }
     texts = _texts(files)
     runs = {
         (PurePosixPath(name).parent / run.file).as_posix(): run
@@ -80,8 +82,8 @@ def read_texts(files: Mapping[str, Path], folder: str, ros: RosSpec) -> Evidence
             continue
         ran = file in runs and runs[file].exit not in _NEVER_RAN
         for kind, target, fact in _facts(text, name, ros, ran=ran):
-            found[kind].setdefault(target, []).append(Observation(fact, file))
-    kept: dict[str, Any] = {kind: _preferred(of, set(runs)) for kind, of in found.items()}
+            observations[kind].setdefault(target, []).append(Observation(fact, file))
+    kept: dict[str, Any] = {kind: _preferred(of, set(runs)) for kind, of in observations.items()}
     return Evidence(folder=folder, runs=tuple(runs.values()), **kept)
 
 

@@ -351,9 +351,9 @@ def _played(added: Added) -> tuple[Check, ...]:
 def _play_lines(played: Sequence[Check]) -> Iterator[str]:
     from lab3_usd.report.entries import plural
 
-    others = [check for check in played if check.verdict != "ok"]
-    count = f"{plural(len(played), 'check')}, {len(played) - len(others)} ok"
+    failing = [check for check in played if check.verdict != "ok"]
+    count = f"{plural(len(played), 'check')}, {len(played) - len(failing)} ok"
     yield from _row(_columns([]), "play", count if played else "nothing to judge")
-    for check in others:
+    for check in failing:
         told = f"{check.verdict} {check.name}: {check.text}"
         yield from _row(_columns([]), "play", told)

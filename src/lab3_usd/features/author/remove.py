@@ -115,5 +115,5 @@ def _text(removed: Removed, kind: str, name: str, *, is_written: bool) -> Iterat
         says = f"was not added by lab3, but does what lab3 add {kind} adds"
         yield f"{name}: {removed.graph} {says}"
     yield f"{name}: {'removed' if is_written else 'would remove'} {', '.join(removed.prims)}"
-    for found in removed.new:
-        yield f"  lint      new {found.severity} {found.rule} {found.prim}: {found.message}"
+    for finding in removed.new:
+        yield f"  lint      new {finding.severity} {finding.rule} {finding.prim}: {finding.message}"

@@ -46,28 +46,28 @@ def command(stage: Path, form: str, release: str | None, assets: tuple[str, ...]
 
     use_config(stage, assets)
     model = read_stage(stage, lint_platform(release or BASE))
-    found = robots(model)
-    own = {sensor.prim.path for robot in found for sensor in robot.sensors}
-    others = [sensor for sensor in sensors(model) if sensor.prim.path not in own]
+    own_robots = robots(model)
+    own = {sensor.prim.path for robot in own_robots for sensor in robot.sensors}
+    free_sensors = [sensor for sensor in sensors(model) if sensor.prim.path not in own]
     missing = list(dict.fromkeys(asset.asset for asset in model.unresolved))
     if form == "json":
         document = {
             "stage": str(stage),
-            "robots": [_document(robot, model) for robot in found],
-            "sensors": [_sensor(sensor) for sensor in others],
+            "robots": [_document(robot, model) for robot in own_robots],
+            "sensors": [_sensor(sensor) for sensor in free_sensors],
             "missing": missing,
         }
         click.echo(json.dumps(document, indent=2, ensure_ascii=False))
         return
-    count = len(found)
+    count = len(own_robots)
     click.echo(visible(f"{stage}: {count or 'no'} robot{'s' * (count != 1)}"))
-    for robot in found:
+    for robot in own_robots:
         click.echo("")
         for line in _lines(robot, model):
             click.echo(visible(line.rstrip()))
-    if others:
+    if free_sensors:
         click.echo("\nsensors of no robot")
-        for sensor in others:
+        for sensor in free_sensors:
             click.echo(visible(_sensor_line("", sensor)))
     for asset in missing:
         click.echo(visible(f"? {asset} cannot be found, and could hold more"))
@@ -140,7 +140,7 @@ def _graphs(robot: Robot, model: StageModel) -> dict[str, str]:
 
     own = {robot.path, robot.root, *robot.links} - {""}
     own |= {sensor.prim.path for sensor in robot.sensors}
-    found = {}
+    topics_of = {}
     ends = endpoints(model)
     for graph in model.graphs:
         named = {t for node in graph.nodes for s in node.ports.values() for t in s.targets}
@@ -152,8 +152,8 @@ def _graphs(robot: Robot, model: StageModel) -> dict[str, str]:
             for end in ends
             if end.node.path in paths and end.topic and end.runs
         )
-        found[graph.path] = ", ".join(words) or ("no topic" if graph.active else "deactivated")
-    return found
+        topics_of[graph.path] = ", ".join(words) or ("no topic" if graph.active else "deactivated")
+    return topics_of
 
 
 def _document(robot: Robot, model: StageModel) -> dict[str, Any]:

@@ -51,10 +51,10 @@ def record_run(run: DryRun, lab: Lab, bag: Path) -> Iterator[str]:
     from lab3_usd.sim.bag.tape import tape_of, tape_of_plays
     from lab3_usd.sim.bag.writer import write_bags
 
-    first, *others = run.plays.values()
+    first, *further = run.plays.values()
     tape = tape_of(first)
-    if run.scene is not None and others:
-        tape = tape_of_plays(run.scene, lab.platform, [first, *others])
+    if run.scene is not None and further:
+        tape = tape_of_plays(run.scene, lab.platform, [first, *further])
     for written in write_bags(bag, tape):
         holds = f"{written.messages} messages on {written.topics} topics"
         yield printable(f"recorded: {written.folder}: {holds}")

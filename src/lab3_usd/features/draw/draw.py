@@ -185,9 +185,9 @@ def _linted(
 
     platform = lint_platform(reading.release or BASE)
     stage = read_any(path, platform, reading.scene or "")
-    found = lint(LintSubject(stage, parameters=parameters))
-    pictures = linted_pictures(stage, found.findings, every_port=every_port)
-    return Drawing(list(pictures), f"{path.stem}-", found.crashes)
+    linted = lint(LintSubject(stage, parameters=parameters))
+    pictures = linted_pictures(stage, linted.findings, every_port=every_port)
+    return Drawing(list(pictures), f"{path.stem}-", linted.crashes)
 
 
 def _paths(drawing: Drawing, folder: Path, ending: str) -> Iterator[Path]:

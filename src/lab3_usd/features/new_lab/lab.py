@@ -212,12 +212,12 @@ def new(folder: Path, stages: tuple[Path, ...], more: tuple[Path, ...]) -> None:
 def chosen_stages(given: Sequence[Path]) -> Iterator[Path]:
     """Yield the stages that are named; those of a folder or a pattern in order of their numbers."""
     for path in given:
-        found = [path]
+        files = [path]
         if path.is_dir():
-            found = [file for file in path.iterdir() if file.suffix.lower() in STAGE_ENDINGS]
+            files = [file for file in path.iterdir() if file.suffix.lower() in STAGE_ENDINGS]
         elif "*" in path.name and not path.exists():
-            found = [*path.parent.glob(path.name)]
-        yield from sorted(found, key=_by_number)
+            files = [*path.parent.glob(path.name)]
+        yield from sorted(files, key=_by_number)
 
 
 _NUMBERS = re.compile(r"(\d+)")

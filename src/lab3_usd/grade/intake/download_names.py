@@ -86,8 +86,8 @@ def is_platform_name(name: str) -> bool:
 
 def is_receipt(name: str) -> bool:
     """Whether Blackboard wrote this file about an attempt; it names who handed it in."""
-    found = _BLACKBOARD.match(name) if len(name) <= _LONGEST_NAME else None
-    return found is not None and found["receipt"] is not None
+    match = _BLACKBOARD.match(name) if len(name) <= _LONGEST_NAME else None
+    return match is not None and match["receipt"] is not None
 
 
 def file_owners(
@@ -113,11 +113,11 @@ def _number(digits: str) -> int:
 
 def _labels(people: Iterable[tuple[str, str]]) -> dict[tuple[str, str], str]:
     """Return what tells people apart, by number and name: the number, unless two names share it."""
-    known = set(people)
-    shared = Counter(number for number, _ in known)
+    pairs = set(people)
+    shared = Counter(number for number, _ in pairs)
     return {
         (number, name): f"{number} {name}" if shared[number] > 1 else number
-        for number, name in known
+        for number, name in pairs
     }
 
 
@@ -199,13 +199,15 @@ def _likeliest(
     """Choose between two readings of a name by what the rest of the class shows."""
     if len(readings) == 1:
         return readings[0]
-    known = [reading for reading in readings if (reading.student, reading.person.name) in certain]
+    certain_readings = [
+        reading for reading in readings if (reading.student, reading.person.name) in certain
+    ]
     possible = [
         reading
         for rank, reading in enumerate(readings)
         if not reading.upload or used[rank][_numbered(reading)] == 1
     ]
-    for candidates in (known, possible):
+    for candidates in (certain_readings, possible):
         if len(candidates) == 1:
             return candidates[0]
     longest = max(readings, key=lambda reading: (len(str(reading.upload)), len(reading.student)))
@@ -362,14 +364,14 @@ def _named_in(receipt: str) -> tuple[str, str]:
 
 
 def _users_without_receipt(
-    wanted: Iterable[str], heads: Iterable[str], known: Mapping[str, tuple[Person, ...]]
+    wanted: Iterable[str], heads: Iterable[str], people: Mapping[str, tuple[Person, ...]]
 ) -> Iterator[tuple[str, tuple[Person, ...]]]:
     """Yield who may be meant in each `assignment_user`, the likeliest first.
 
     Assignment and user may hold underscores. All begin with the assignment, which another receipt
     shows; else the user follows the longest common start, or begins at an earlier underscore.
     """
-    starts = {head.removesuffix(own[0].ids[BLACKBOARD_USER]) for head, own in known.items()}
+    starts = {head.removesuffix(own[0].ids[BLACKBOARD_USER]) for head, own in people.items()}
     common = os.path.commonprefix(list(heads))  # noqa: RUF071 - of texts, not of paths
     for head in wanted:
         if len(starts) == 1 and head.startswith(start := next(iter(starts))) and head != start:

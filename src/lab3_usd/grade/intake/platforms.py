@@ -190,29 +190,29 @@ def looks_like_submission(entries: Iterable[Entry]) -> bool:
     """Whether a folder with these entries is itself a submission (see `check.folder`)."""
     lab = load_lab()
     stages = lab.submission.folders.stages.lower()
-    known = list(entries)
-    numbered = [name for name, _ in known if checkpoint_of(name, lab)]
+    listed = list(entries)
+    numbered = [name for name, _ in listed if checkpoint_of(name, lab)]
     return len(numbered) > 1 or any(
-        is_folder and name.lower() == stages for name, is_folder in known
+        is_folder and name.lower() == stages for name, is_folder in listed
     )
 
 
 def parts_of(
     entries: Iterable[Entry],
-    known: StudentsByFolder,
+    submitters: StudentsByFolder,
     receipts: Callable[[str], str] = lambda _name: "",
 ) -> Iterator[SubmissionPart]:
     """Yield whose each entry is.
 
-    `known` are the submitters of folders, and `receipts` returns the text of a receipt of
+    `submitters` are the submitters of folders, and `receipts` returns the text of a receipt of
     Blackboard.
     """
     class_entries = list(entries)
     owners = file_owners((name for name, _ in class_entries), receipts)
     for name, is_folder in class_entries:
         owner = owners.get(name)
-        if is_folder and name in known:
-            who = known[name]
+        if is_folder and name in submitters:
+            who = submitters[name]
             yield SubmissionPart(
                 who.student,
                 who.name or name,

@@ -263,8 +263,8 @@ class SubmissionCopy:
         for folder in sorted(self.passed_over):
             own = folder if self.archives else folder.rpartition("/")[2]
             by_name.setdefault(own, []).append(folder)
-        for first, *others in by_name.values():
-            more = f" (and in {len(others)} more of this name)" if others else ""
+        for first, *further in by_name.values():
+            more = f" (and in {len(further)} more of this name)" if further else ""
             self.refuse(first, f"{_PASSED_OVER}{more}", "Z05")
         self.passed_over.clear()
 

@@ -69,8 +69,8 @@ def choose_folder(copy: SubmissionCopy) -> Choice:
         ),
     )
     first = _with_its_files(copy, folders)
-    others = [folder for folder in folders if folder != first]
-    aside = [folder for folder in others if not _is_inside(folder.path, first.path)]
+    rest = [folder for folder in folders if folder != first]
+    aside = [folder for folder in rest if not _is_inside(folder.path, first.path)]
     aside += _stray_stages(copy, places)
     aside = [folder for folder in aside if folder.contents or folder.unread]
     covered = [first.path, *(folder.path for folder in aside)]
@@ -133,10 +133,10 @@ def stage_folder(copy: SubmissionCopy, place: str) -> StageFolder:
         for entry in os.scandir(folder / below)
         if entry.is_file()
     ]
-    found = find_checkpoint_stages(
+    stages = find_checkpoint_stages(
         sorted(entries, key=lambda entry: entry.path), home, lab, lab.submission.stages
     )
-    files = {number: folder / stage.path for number, stage in found.items()}
+    files = {number: folder / stage.path for number, stage in stages.items()}
     whole = {number: file for number, file in files.items() if can_be_read(file, copy.limits)}
     return StageFolder(
         place,
@@ -153,8 +153,8 @@ def _stray_stages(copy: SubmissionCopy, places: Sequence[str]) -> list[StageFold
     names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
     outside = [name for name in names if not any(_is_inside(name, place) for place in places)]
     entries = [FolderFile(name) for name in sorted(outside)]
-    found = find_checkpoint_stages(entries, "", lab, lab.submission.stages)
-    parents = {stage.path.rpartition("/")[0] for stage in found.values()}
+    stages = find_checkpoint_stages(entries, "", lab, lab.submission.stages)
+    parents = {stage.path.rpartition("/")[0] for stage in stages.values()}
     return [stage_folder(copy, parent) for parent in sorted(parents)]
 
 

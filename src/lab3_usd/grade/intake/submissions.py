@@ -310,14 +310,15 @@ def _receipt_at(address: str, name: str) -> str:
 def _parts(
     location: ClassLocation,
     entries: list[Entry],
-    known: tuple[StudentNames, Callable[[str], str]],
+    name_sources: tuple[StudentNames, Callable[[str], str]],
     notify: Notify,
 ) -> list[SubmissionPart]:
     """Tell by their names whose the entries of a folder are, and notify of what is not clear.
 
-    `known` are the students that Gradescope names, and what returns the receipts of Blackboard.
+    `name_sources` are the students that Gradescope names, and what returns the receipts of
+    Blackboard.
     """
-    names, receipts = known
+    names, receipts = name_sources
     present = {name for name, _ in entries}
     missing = dict.fromkeys(entry for entry, _ in location.left_out if entry[0] not in present)
     all_entries = (
@@ -335,19 +336,19 @@ def _parts(
     parts = list(parts_of(ours, names.by_folder, receipts))
     for part in parts:
         if part.others and not is_receipt(part.entry):
-            others = " or ".join(map(_called, part.others))
+            candidates = " or ".join(map(_called, part.others))
             file, owner = _listed([part.entry]), _called(part.people[0])
-            notify(f"{file}: taken as of {owner}; may be of {others}")
+            notify(f"{file}: taken as of {owner}; may be of {candidates}")
     if METADATA in present:
         _notify_unnamed(all_entries, names.by_folder, names.fault, notify)
     return parts
 
 
 def _notify_unnamed(
-    entries: list[Entry], known: StudentsByFolder, fault: str, notify: Notify
+    entries: list[Entry], submitters: StudentsByFolder, fault: str, notify: Notify
 ) -> None:
     names = [name for name, folder in entries if folder and is_submission_part((name, folder))]
-    unnamed = [name for name in names if name not in known]
+    unnamed = [name for name in names if name not in submitters]
     if unnamed or fault:
         because = f" ({fault})" if fault else ""
         who = f"; graded under the names of their folders: {_listed(unnamed)}" if unnamed else ""
@@ -402,11 +403,13 @@ def _joined(parts: list[SubmissionPart]) -> Iterator[StudentSubmission]:
 
 def _unique(people: Iterable[Person]) -> tuple[Person, ...]:
     """Return people once each, with names and ids that are text."""
-    found: list[Person] = []
+    people_read: list[Person] = []
     for person in people:
         ids = {kind: _text(value) for kind, value in person.ids.items()}
-        found.append(Person(_text(person.name), ids))
-    return tuple(person for rank, person in enumerate(found) if person not in found[:rank])
+        people_read.append(Person(_text(person.name), ids))
+    return tuple(
+        person for rank, person in enumerate(people_read) if person not in people_read[:rank]
+    )
 
 
 def _text(name: str) -> str:

@@ -194,18 +194,18 @@ class Dispatch:
         """Give tasks to machines with room; yield those that nobody is left to judge."""
         for attempt in [self._again.popleft() for _ in range(len(self._again))]:
             able, tries = self._able(), len(attempt.faults)
-            others = [machine for machine in able if not attempt.tried(machine)]
-            if tries == 1 and not others:
-                others = able  # there is no other one; it may have been for a moment
+            machines = [machine for machine in able if not attempt.tried(machine)]
+            if tries == 1 and not machines:
+                machines = able  # there is no other one; it may have been for a moment
             if attempt.losses >= _MOST_LOSSES or (
-                tries and able and (tries >= _MOST_TRIES or not others)
+                tries and able and (tries >= _MOST_TRIES or not machines)
             ):
                 yield attempt.task, _unreached(attempt)
                 continue
-            judging = [machine for machine in others if machine.judged and not machine.faults]
+            judging = [machine for machine in machines if machine.judged and not machine.faults]
             if tries and (judging or self._flying):  # it goes to one that is known to judge
-                others = judging
-            if machine := _freest(others):
+                machines = judging
+            if machine := _freest(machines):
                 self._submit(attempt, machine)
             else:
                 self._again.append(attempt)

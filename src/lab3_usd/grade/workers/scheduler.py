@@ -175,10 +175,10 @@ def _addresses(address: str) -> list[ipaddress.IPv4Address | ipaddress.IPv6Addre
     """Return the addresses of the computer that an address names; none where nobody knows it."""
     try:
         host = urlsplit(_with_scheme(address)).hostname
-        found = socket.getaddrinfo(host, None)
+        entries = socket.getaddrinfo(host, None)
     except (OSError, ValueError):
         return []
-    texts = {str(entry[4][0]).partition("%")[0] for entry in found}
+    texts = {str(entry[4][0]).partition("%")[0] for entry in entries}
     return [ipaddress.ip_address(text) for text in sorted(texts)]
 
 

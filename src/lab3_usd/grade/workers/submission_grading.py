@@ -131,10 +131,10 @@ def grade_staged(
             judged.submission.findings,
             judged.submission.checklist,
         )
-        known = facts.crashes
+        crashes = facts.crashes
         lab = lab_of_team(setup.lab, ((stage.path, stage.checkpoint) for stage in facts.stages))
         facts = with_dry_runs(facts, lab, staged.digests)
-        played = {path: how for path, how in facts.crashes.items() if path not in known}
+        played = {path: how for path, how in facts.crashes.items() if path not in crashes}
         judged = _with_crashes(
             judged, {path: f"the dry run failed ({how})" for path, how in played.items()}
         )
@@ -184,8 +184,8 @@ def _team(facts: SubmissionFacts, lab: Lab) -> Json:
     if not has_teams(lab.files):
         return {}
     stems = ((Path(stage.path).stem, lab.files[stage.checkpoint]) for stage in facts.stages)
-    found = dict.fromkeys(team for stem, name in stems if (team := team_of(stem, name)))
-    return {"team": ", ".join(found)}
+    teams = dict.fromkeys(team for stem, name in stems if (team := team_of(stem, name)))
+    return {"team": ", ".join(teams)}
 
 
 def _attention(judged: FolderResult, staged: StagedSubmission) -> Iterator[str]:
@@ -215,10 +215,10 @@ def _work(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> Json:
 def _digest_of_all(path: str, digests: Mapping[str, str]) -> str:
     """Return the digest of a stage, with those of its further layers where it has any."""
     names = map(os.path.relpath, files_read(Path(path)))
-    others = sorted({digests[name] for name in names if name in digests})
-    if others in ([], [digests[path]]):
+    digests_beside = sorted({digests[name] for name in names if name in digests})
+    if digests_beside in ([], [digests[path]]):
         return digests[path]
-    return hashlib.sha256("".join((digests[path], *others)).encode()).hexdigest()
+    return hashlib.sha256("".join((digests[path], *digests_beside)).encode()).hexdigest()
 
 
 def _without_repairs(judged: FolderResult) -> FolderResult:
@@ -315,11 +315,11 @@ def _with_own_failures(judged: FolderResult, broken: Mapping[str, str]) -> Folde
     """Tell files over which this program failed before from those that ended a worker."""
     ours = {path: how for path, how in broken.items() if how.startswith(FAILED_OVER_IT)}
     stages = {result.path for result in judged.results}
-    others = tuple(
+    crashes = tuple(
         Crash(_NOT_OPENED, f"{path}: {how}") for path, how in ours.items() if path not in stages
     )
     about = judged.submission
-    with_others = replace(about, crashes=(*about.crashes, *others))
+    with_others = replace(about, crashes=(*about.crashes, *crashes))
     return _with_crashes(FolderResult(judged.results, with_others), ours)
 
 

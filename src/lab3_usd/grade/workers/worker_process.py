@@ -254,11 +254,11 @@ class Turn:
             limits = self.worker.limits
             memory = max(limits.memory // 2, self.worker.peak)
             patience = min(END_SECONDS, limits.by_clock(limits.seconds))
-            end, known = how_it_ended(self.worker.process, memory, patience), self.spent
+            end, spent = how_it_ended(self.worker.process, memory, patience), self.spent
             if self.begun is not None:
                 self.spend(end.processor)
             if end.how == OUT_OF_TIME:
-                self._be_out_of_time(self.whole - known)
+                self._be_out_of_time(self.whole - spent)
             self.fail(end.how, external=end.external)
         try:
             return decoded_message(line, kind)

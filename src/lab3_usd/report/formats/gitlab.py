@@ -36,9 +36,9 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
                 "location": {"path": file, "lines": {"begin": finding.line or 1}},
             }
         )
-    others = [(path, "not judged", f"not judged: {gap}", "minor") for path, gap in gaps(report)]
-    others += [(path, "baseline", text, "info") for path, text in hidden(report)]
-    for path, name, text, severity in others:
+    entries = [(path, "not judged", f"not judged: {gap}", "minor") for path, gap in gaps(report)]
+    entries += [(path, "baseline", text, "info") for path, text in hidden(report)]
+    for path, name, text, severity in entries:
         file = relative_path(path, options.root)
         issues.append(
             {

@@ -27,7 +27,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     if options.visibility not in VISIBILITIES:
         names = ", ".join(VISIBILITIES)
         raise UsageError(f"there is no visibility '{options.visibility}'; Gradescope knows {names}")
-    outputs = dict(found for result in report.results for found in _found(result))
+    outputs = dict(named for result in report.results for named in _found(result))
     grade = options.grade
     tests = [] if grade is None else [_test(item, outputs) for item in grade.items]
     for submission in report.submissions:

@@ -39,7 +39,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     names = {entry.finding.rule: entry.finding.name for entry in entries(report)}
     names = dict(sorted(names.items()))
     index = {rule_id: position for position, rule_id in enumerate(names)}
-    known = rules or {}
+    manuals = rules or {}
     notifications = [
         {
             "level": "error",
@@ -72,7 +72,7 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         "name": NAME,
         "version": tool_version(),
         "rules": [
-            _descriptor(rule_id, name, known.get(rule_id)) for rule_id, name in names.items()
+            _descriptor(rule_id, name, manuals.get(rule_id)) for rule_id, name in names.items()
         ],
     }
     run = {

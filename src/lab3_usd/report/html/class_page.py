@@ -78,8 +78,8 @@ def class_page(
     It needs no network, and no script for reading: the script only sorts and filters.
     """
     lost = losses(rows)
-    known = [(row["percent"], row["name"] not in {"", row["student"]}) for row in rows]
-    percents = [percent for percent, _ in known if percent is not None]
+    students = [(row["percent"], row["name"] not in {"", row["student"]}) for row in rows]
+    percents = [percent for percent, _ in students if percent is not None]
     style, script = (asset_text(name) for name in ("class.css", "class.js"))
     page = jinja_environment().get_template("class.html.j2").stream(
         title=title,
@@ -93,7 +93,7 @@ def class_page(
         named=_NAMED,
         top_reason=top_reason,
         by_hand=by_hand,
-        has_names=any(is_named for _, is_named in known),
+        has_names=any(is_named for _, is_named in students),
         most=most,
         summaries=summaries(items, rows),
         statuses=sorted(Counter(row["status"] for row in rows).items()),
@@ -148,10 +148,10 @@ def top_reason(row: Row) -> str:
     if not costly:
         return ""
     line = max(costly, key=lambda line: float(line["points"]))
-    found, part = line.get("found") or "", line["title"].partition(": ")
-    if not found:
+    reason, part = line.get("found") or "", line["title"].partition(": ")
+    if not reason:
         return str(line["title"])
-    return f"{part[0]}: {found}" if part[1] and part[0] not in found else str(found)
+    return f"{part[0]}: {reason}" if part[1] and part[0] not in reason else str(reason)
 
 
 def by_hand(row: Row) -> Iterator[str]:

@@ -86,10 +86,10 @@ def _pictures(
     from lab3_usd.stage.read.opening import cached
 
     # Nothing that a picture shows depends on what the file is called.
-    found = tuple(replace(finding, layer=None) for finding in findings)
+    compared = tuple(replace(finding, layer=None) for finding in findings)
     flags = (checkpoint.graphs, checkpoint.frames, checkpoint.localization)
-    key = ("pictures", id(model), lab.at(checkpoint.id), *flags, found)
-    return cached(key, lambda: tuple(stage_pictures(lab, checkpoint, model, found)))
+    key = ("pictures", id(model), lab.at(checkpoint.id), *flags, compared)
+    return cached(key, lambda: tuple(stage_pictures(lab, checkpoint, model, compared)))
 
 
 class PortLink(Struct, frozen=True):

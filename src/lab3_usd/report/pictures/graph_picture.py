@@ -318,10 +318,10 @@ def stage_pictures(
         if name in required or roles.graph is not None:
             part = _part_of(roles, matched)
             yield graph_picture(specs[name], roles, part, findings, every_port=every_port)
-    known = {roles.graph.path for roles in matched.values() if roles.graph is not None}
+    drawn = {roles.graph.path for roles in matched.values() if roles.graph is not None}
     inside = _by_prim_above(findings)
     for graph in stage.graphs:
-        if graph.active and graph.path not in known:
+        if graph.active and graph.path not in drawn:
             here = inside.get(graph.path, ())
             yield graph_picture(None, None, graph, here, every_port=every_port)
     if checkpoint is None:

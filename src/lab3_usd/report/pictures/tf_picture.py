@@ -175,8 +175,8 @@ def _state(pair: Pair, frames: FrameSpec, heard: Tree[Edge]) -> State:
 def _counts_text(branches: Sequence[DrawnEdge]) -> str:
     states = Counter(branch.state for branch in branches)
     unknown = sum(bool(branch.unknown) for branch in branches)
-    known = sum(branch.state != "missing" for branch in branches) - unknown
-    parts = [f"{known} transform{'s' * (known != 1)}"]
+    published = sum(branch.state != "missing" for branch in branches) - unknown
+    parts = [f"{published} transform{'s' * (published != 1)}"]
     parts += [f"{unknown} unknown"] if unknown else []
     parts += [
         f"{states[state]} {WORDS.get(state, state)}"

@@ -28,7 +28,7 @@ def topics_picture(
     types: dict[str | None, dict[str, None]] = {}
     for end in ends:
         types.setdefault(end.topic, {})[end.type or "?"] = None
-    boxes += [_topic_box(str(topic), [*known]) for topic, known in types.items()]
+    boxes += [_topic_box(str(topic), [*type_names]) for topic, type_names in types.items()]
     boxes += [_unknown_box(node) for node in unknown]
     curves = []
     for end in ends:

@@ -48,8 +48,8 @@ class Goal(NamedTuple):
 
 def has_header(kind: str) -> bool:
     """Whether messages of a type begin with a header."""
-    known: Any = STORE.fielddefs.get(kind)
-    return bool(known and known[1]) and bool(known[1][0][1][1] == _HEADER)
+    definition: Any = STORE.fielddefs.get(kind)
+    return bool(definition and definition[1]) and bool(definition[1][0][1][1] == _HEADER)
 
 
 def header(data: bytes) -> Header | None:
@@ -170,8 +170,8 @@ def _map(message: Any) -> Decoded | None:
         (index % size[0], index // size[0])
         for index in (message.data >= _OCCUPIED).nonzero()[0].tolist()
     )
-    found = OccupancyMap("the recorded map", info.resolution, (x, y, turn), *size, walls)
-    return Decoded(_head(message.header), found)
+    occupancy = OccupancyMap("the recorded map", info.resolution, (x, y, turn), *size, walls)
+    return Decoded(_head(message.header), occupancy)
 
 
 def _steering(message: Any) -> Decoded | None:

@@ -84,10 +84,10 @@ def _recording(
     lab, last = until
     name = files[0].path
     parts = reversed(PurePosixPath(name).parts)
-    known = (named_checkpoint(part, lab.files) for part in parts)
+    numbers = (named_checkpoint(part, lab.files) for part in parts)
     try:
         layout = layout_of([root / file.path for file in files])
-        judged = judge_what_came(layout, bounds, lab, next(filter(None, known), last))
+        judged = judge_what_came(layout, bounds, lab, next(filter(None, numbers), last))
     except (RecordingError, OSError) as error:
         return RecordingShown(name, unread=str(error).replace(f"{root}{os.sep}", ""))
     frames = {name for frame in judged.frames for name in (frame.parent, frame.child)}

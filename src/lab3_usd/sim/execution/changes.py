@@ -44,8 +44,8 @@ def _may_run(
         is_fired = platform.events[node.type] in ("", pipeline)
         return is_fired and node.type not in platform.by_hand
     for source, port in _signals(node, nodes, platform):
-        known = platform.get(source.type)
-        out = None if known is None else known.listed(port)
+        node_type = platform.get(source.type)
+        out = None if node_type is None else node_type.listed(port)
         is_signal = out is None or out.is_execution
         is_new = is_signal and source.path not in seen
         if is_new and _may_run(source, pipeline, nodes, platform, seen):
@@ -57,9 +57,9 @@ def _signals(
     node: SceneNode, nodes: dict[str, SceneNode], platform: Platform
 ) -> Iterator[tuple[SceneNode, str]]:
     """Yield what is wired into the execution inputs of a node, and into those not known."""
-    known = platform.get(node.type)
+    node_type = platform.get(node.type)
     for name, state in node.inputs.items():
-        port = None if known is None else known.listed(name)
+        port = None if node_type is None else node_type.listed(name)
         if port is None or port.is_execution:
             for path, _, source_port in (wire.rpartition(".") for wire in state.sources):
                 if path in nodes:
@@ -88,13 +88,13 @@ def _matters(node: SceneNode, ports: WriterPorts, scene: Scene, platform: Platfo
 
 def _saved(node: SceneNode, short: str, platform: Platform) -> Any:
     """Return the value of an input as saved, else its default; None for what a wire brings."""
-    state, known = node.inputs.get(INPUT + short), platform.get(node.type)
+    state, node_type = node.inputs.get(INPUT + short), platform.get(node.type)
     if state is not None and state.sources:
         return None
     for value in (state.literal, state.value) if state is not None else ():
         if value is not None:
             return value
-    return None if known is None else known.default(INPUT + short, node.version or None)
+    return None if node_type is None else node_type.default(INPUT + short, node.version or None)
 
 
 def _is_played(path: str, scene: Scene, platform: Platform) -> bool:

@@ -74,8 +74,8 @@ def functions() -> Mapping[str, Function]:
 
 def function_of(node_type: NodeType) -> Function | None:
     """Return the function of a type, None if it has none."""
-    known, name = functions(), last_part(node_type.type)
-    return known.get(name) or known.get(last_name(name))
+    by_name, name = functions(), last_part(node_type.type)
+    return by_name.get(name) or by_name.get(last_name(name))
 
 
 def event_of(node_type: NodeType) -> str | None:
@@ -186,13 +186,13 @@ class NodeInstance(Struct):
     @property
     def feeding(self) -> list[NodeInstance]:
         """This node, and those from which values come to it."""
-        found = {self.path: self}
+        nodes = {self.path: self}
         waiting = [self]
         while waiting:
             sources = {source.path: source for source, _ in waiting.pop().wires.values()}
-            waiting += [source for path, source in sources.items() if path not in found]
-            found |= sources
-        return [*found.values()]
+            waiting += [source for path, source in sources.items() if path not in nodes]
+            nodes |= sources
+        return [*nodes.values()]
 
     def unit(self, meters_per_unit: float) -> float:
         """Return how many metres are 1 in what comes here: a conversion makes units of metres."""

@@ -182,8 +182,8 @@ def _refused(
 
 def _is_described(node: NodeInstance, platform: Platform) -> bool:
     """Whether the platform has every port of a node's type."""
-    known = platform.get(node.node.type)
-    return known is not None and not known.may_have_more
+    node_type = platform.get(node.node.type)
+    return node_type is not None and not node_type.may_have_more
 
 
 def depending(program: Program, missing: Collection[str]) -> frozenset[str]:
@@ -228,10 +228,10 @@ def _schedule(graph: SceneGraph, nodes: dict[str, NodeInstance], program: Progra
 
 def type_of(node: SceneNode, platform: Platform) -> NodeType | None:
     """Return the type of a node, with the ports of the message that it names."""
-    known = platform.get(node.type)
-    if known is None:
+    node_type = platform.get(node.type)
+    if node_type is None:
         return None
-    return with_named_message(known, node.inputs)
+    return with_named_message(node_type, node.inputs)
 
 
 def _running(
@@ -240,8 +240,8 @@ def _running(
     read = {source for n in graph.nodes for state in n.inputs.values() for source in state.sources}
     is_written = any(last_name(node.type) == WRITE_VARIABLE for node in graph.nodes)
     for node in graph.nodes:
-        known = type_of(node, platform)
-        function = function_of(known) if known is not None else None
+        node_type = type_of(node, platform)
+        function = function_of(node_type) if node_type is not None else None
         again = INPUT + (platform.once[node.type].again if node.type in platform.once else "")
         is_begun_anew = bool((node.inputs.get(again) or _UNSAVED).sources)
         if (
@@ -251,25 +251,27 @@ def _running(
         ):
             function = None
         is_direct = node.path.rpartition("/")[0] in (graph.path, *graph.inner)
-        if known is None and is_direct and is_unregistered(node.type, platform):
+        if node_type is None and is_direct and is_unregistered(node.type, platform):
             # Isaac Sim opens the stage without it.
             reason = f"its type '{node.type}' is not one of Isaac Sim {platform.release}"
             reason = reason if node.type else "it has no type"
             program.dead.append((node.path, Failure(reason, "unknown-type")))
             continue
-        if known is None or function is None or not is_direct:
+        if node_type is None or function is None or not is_direct:
             reason = f"node type {node.type or 'none'}"
             if not is_direct:
                 reason = "whether a node runs that is not a direct child of its graph, is unknown"
             program.not_simulated[node.path] = reason
-            program.unwritten[node.path] = known
+            program.unwritten[node.path] = node_type
             continue
-        running = NodeInstance(node.path, known, function, initial(known), node)
+        running = NodeInstance(node.path, node_type, function, initial(node_type), node)
         running.pulled = (
             not any(
-                port.is_execution for port in known.ports.values() if port.name.startswith(INPUT)
+                port.is_execution
+                for port in node_type.ports.values()
+                if port.name.startswith(INPUT)
             )
-            and event_of(known) is None
+            and event_of(node_type) is None
         )
         yield node.path, running
 
@@ -277,10 +279,10 @@ def _running(
 def _is_partly_known(node: SceneNode, read: Collection[str]) -> bool:
     """Whether something is asked of a node that its function does not compute."""
     name = last_name(node.type)
-    known, unknown = _KNOWN_OUTPUTS.get(name), _UNKNOWN_INPUTS.get(name, "")
+    outputs, unknown = _KNOWN_OUTPUTS.get(name), _UNKNOWN_INPUTS.get(name, "")
     own = f"{node.path}."
-    asks_more = known is not None and any(
-        source.startswith(own) and source.removeprefix(own) not in known for source in read
+    asks_more = outputs is not None and any(
+        source.startswith(own) and source.removeprefix(own) not in outputs for source in read
     )
     return asks_more or bool((node.inputs.get(unknown) or _UNSAVED).sources)
 

@@ -170,31 +170,34 @@ class RunCauses(Struct, frozen=True):
         """
         nodes = {node.path: node for graph in self.scene.graphs for node in graph.nodes}
         rivals = self._rivals(prim) if check == "topics" else ()
-        found = dict.fromkeys(filter(None, (prim, *rivals, *self._looked_at(check))))
-        waiting = [*found]
+        basis_paths = dict.fromkeys(filter(None, (prim, *rivals, *self._looked_at(check))))
+        waiting = [*basis_paths]
         for path in waiting:
             node = nodes.get(path)
             if node is None:
                 continue
             before = [wire.rpartition(".")[0] for s in node.inputs.values() for wire in s.sources]
             before += [target for targets in node.targets.values() for target in targets]
-            waiting += [each for each in dict.fromkeys(before) if each not in found]
-            found.update(dict.fromkeys(before))
-        graphs = {path.rpartition("/")[0]: None for path in found if path in nodes}
+            waiting += [each for each in dict.fromkeys(before) if each not in basis_paths]
+            basis_paths.update(dict.fromkeys(before))
+        graphs = {path.rpartition("/")[0]: None for path in basis_paths if path in nodes}
         above = [
-            each.path for path in found if path not in nodes for each in self.scene.above(path)
+            each.path
+            for path in basis_paths
+            if path not in nodes
+            for each in self.scene.above(path)
         ]
-        found.update(dict.fromkeys([*graphs, *above]))
+        basis_paths.update(dict.fromkeys([*graphs, *above]))
         robot = commonpath(self.robot.rest) if self.robot is not None else ""
-        tops = [robot] if robot and (check in DRIVEN or robot in found) else []
+        tops = [robot] if robot and (check in DRIVEN or robot in basis_paths) else []
         tops += ["/"] if check in _OF_SURROUNDINGS else []
-        found.update(dict.fromkeys(tops[-1:] if check in _OF_SURROUNDINGS else ()))
+        basis_paths.update(dict.fromkeys(tops[-1:] if check in _OF_SURROUNDINGS else ()))
         own = {*nodes, *(graph.path for graph in self.scene.graphs)}
         for top in tops if robot else above:
             inside = self.scene.below(top) if top != "/" else self.scene.prims.values()
             parts = (part.path for part in inside if part.path not in own)
-            found.update(dict.fromkeys(parts))
-        return tuple(found)
+            basis_paths.update(dict.fromkeys(parts))
+        return tuple(basis_paths)
 
     def is_node(self, prim: str) -> bool:
         """Whether a prim is a node that runs."""

@@ -53,26 +53,28 @@ def fit(trial: Trial) -> MapFit | None:
         return None
     near = trial.map.walls_within(trial.tolerance.cells)
     fits = [_fit(rays, trial.map, near, located) for located in trial.located]
-    if not fits or any(_is_met(found, trial) for found in fits):
-        return max(fits, key=lambda found: found.near - found.through, default=None)
+    if not fits or any(_is_met(map_fit, trial) for map_fit in fits):
+        return max(fits, key=lambda map_fit: map_fit.near - map_fit.through, default=None)
     pairs = list(zip(fits, trial.located, strict=True))
-    known = [pair for pair in pairs if _is_of_the_room(trial, trial.map, pair[1])]
-    sure = trial.map.given or bool(known)
+    inside = [pair for pair in pairs if _is_of_the_room(trial, trial.map, pair[1])]
+    sure = trial.map.given or bool(inside)
     moved = [
-        replace(_shifted(found, rays, near, located), sure=sure)
-        for found, located in known or pairs
+        replace(_shifted(map_fit, rays, near, located), sure=sure)
+        for map_fit, located in inside or pairs
     ]
-    return max(moved, key=lambda found: (round(found.shifted, 1), -math.hypot(*found.shift or ())))
+    return max(
+        moved, key=lambda map_fit: (round(map_fit.shifted, 1), -math.hypot(*map_fit.shift or ()))
+    )
 
 
-def _is_met(found: MapFit, trial: Trial) -> bool:
+def _is_met(map_fit: MapFit, trial: Trial) -> bool:
     met = trial.tolerance.met
-    return found.near >= met and found.through <= 1.0 - met
+    return map_fit.near >= met and map_fit.through <= 1.0 - met
 
 
 def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
     """Yield the rays of each scan; those of a robot that stands are the same object."""
-    known: dict[tuple[Any, ...], list[Ray]] = {}
+    by_place: dict[tuple[Any, ...], list[Ray]] = {}
     for message in trial.recording.topic(trial.wanted.scan, 0):
         scan = message.data
         if not isinstance(scan, Scan) or not scan.whole:
@@ -81,10 +83,10 @@ def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
         if place is None:
             continue
         key = (place, scan.angle_min, scan.angle_increment, tuple(scan.ranges))
-        if key not in known:
-            known[key] = [*_followed(scan, place)]
-        if known[key]:
-            yield message.at, known[key]
+        if key not in by_place:
+            by_place[key] = [*_followed(scan, place)]
+        if by_place[key]:
+            yield message.at, by_place[key]
 
 
 def _followed(scan: Scan, place: Affine) -> Iterator[Ray]:
@@ -109,13 +111,13 @@ def _in_map(scans: Rays, located: Located) -> Iterator[tuple[Sequence[Ray], Affi
 def _fit(scans: Rays, grid: OccupancyMap, near: frozenset[Cell], located: Located) -> MapFit:
     ends: list[_End] = []
     through = 0
-    known: dict[tuple[int, Affine], tuple[list[_End], int]] = {}
+    laid: dict[tuple[int, Affine], tuple[list[_End], int]] = {}
     for rays, place in _in_map(scans, located):
         key = (id(rays), place)
-        if key not in known:
-            known[key] = _laid(rays, grid, near, place)
-        ends += known[key][0]
-        through += known[key][1]
+        if key not in laid:
+            laid[key] = _laid(rays, grid, near, place)
+        ends += laid[key][0]
+        through += laid[key][1]
     met = sum(is_met for _, _, is_met in ends)
     count = len(ends)
     drawn = tuple(ends[:: max(1, count // _DRAWN)])
@@ -181,13 +183,13 @@ def _most_voted(votes: list[int] | dict[int, int], cast: Iterable[int]) -> Itera
     if isinstance(votes, dict):  # which is in that order
         return nlargest(_TRIED, votes, votes.__getitem__)
     least = nlargest(_TRIED, votes)[-1]
-    found = {number for number, count in enumerate(votes) if count > least}
+    shifts = {number for number, count in enumerate(votes) if count > least}
     for number in cast:
-        if len(found) >= _TRIED:
+        if len(shifts) >= _TRIED:
             break
         if votes[number] == least:
-            found.add(number)
-    return found
+            shifts.add(number)
+    return shifts
 
 
 def _is_of_the_room(trial: Trial, grid: OccupancyMap, located: Located) -> bool:
@@ -215,23 +217,23 @@ def _is_of_the_room(trial: Trial, grid: OccupancyMap, located: Located) -> bool:
 
 def on_map(trial: Trial) -> Iterator[RunFault]:
     """The points of the scan lie at the walls of the map, and nothing is before them."""
-    found = trial.fit
+    map_fit = trial.fit
     if trial.map_fault:
         yield RunFault(trial.map_fault, "scan-off-map", sure=False)
-    if found is None or _is_met(found, trial):
+    if map_fit is None or _is_met(map_fit, trial):
         return
     kind: FaultKind = "scan-off-map"
-    text = found.text
-    if found.through > _BEFORE:
+    text = map_fit.text
+    if map_fit.through > _BEFORE:
         kind = "map-inverted"
-        text += f", but {found.through:.0%} have a wall before them: the map may be inverted"
-    elif found.shift is not None and found.shifted >= trial.tolerance.met:
-        x, y = found.shift
+        text += f", but {map_fit.through:.0%} have a wall before them: the map may be inverted"
+    elif map_fit.shift is not None and map_fit.shifted >= trial.tolerance.met:
+        x, y = map_fit.shift
         # Localization makes up for an origin that is wrong: only a dry run shows it.
         kind = "map-shifted" if trial.room else kind
-        text += f"; moved by ({x:+.2f}, {y:+.2f}) m it would be {found.shifted:.0%}"
-    elif found.shift is not None:
-        text += f"; no shift brings more than {found.shifted:.0%} there"
-    if not found.sure:
+        text += f"; moved by ({x:+.2f}, {y:+.2f}) m it would be {map_fit.shifted:.0%}"
+    elif map_fit.shift is not None:
+        text += f"; no shift brings more than {map_fit.shifted:.0%} there"
+    if not map_fit.sure:
         text += ". The room may be another than that of the lab's map: name its map with --maps"
-    yield RunFault(text, kind, sure=found.sure)
+    yield RunFault(text, kind, sure=map_fit.sure)

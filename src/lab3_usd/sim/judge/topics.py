@@ -149,8 +149,8 @@ def _named_robots(graph: GraphSpec, node: NodeSpec) -> Iterator[str]:
 
 def _is_of(robot: RobotSpec | None, lab: Lab, graph: GraphSpec, role: str) -> bool:
     """Whether a node belongs to a robot, or to none."""
-    found = _robots_of(lab, graph, role) if robot is not None else set()
-    return robot is None or not found or robot.path in found
+    robots = _robots_of(lab, graph, role) if robot is not None else set()
+    return robot is None or not robots or robot.path in robots
 
 
 def _topics_of_others(lab: Lab, robot: RobotSpec) -> set[str]:
@@ -164,16 +164,16 @@ def _topics_of_others(lab: Lab, robot: RobotSpec) -> set[str]:
 def _sensor_behind(lab: Lab, topic: str, kind: str, robot: RobotSpec | None) -> SensorSpec | None:
     """Return the sensor of a kind whose data comes on a topic, else the first of the kind."""
     sensors = [sensor for sensor in lab.sensors.values() if sensor.kind == kind]
-    for known in graph_topics(lab):
-        graph = lab.graphs[known.graph]
-        if known.name == topic and known.role in graph.nodes:
-            roles = {known.role}
+    for graph_topic in graph_topics(lab):
+        graph = lab.graphs[graph_topic.graph]
+        if graph_topic.name == topic and graph_topic.role in graph.nodes:
+            roles = {graph_topic.role}
             for _ in graph.nodes:
                 roles |= {wire.source.role for wire in graph.wires if wire.target.role in roles}
             prims = {p for r in roles for target in graph.nodes[r].targets for p in target.prims}
-            found = next((sensor for sensor in sensors if sensor.path in prims), None)
-            if found is not None:
-                return found
+            sensor_there = next((sensor for sensor in sensors if sensor.path in prims), None)
+            if sensor_there is not None:
+                return sensor_there
     of_robot = (s for s in sensors if robot is None or lab.scene.robot_of(s.path) is robot)
     return next(of_robot, None)
 
@@ -276,8 +276,8 @@ def _drive_settings(lab: Lab, robot: RobotSpec | None, *names: str) -> tuple[flo
                     settings[name] = setting.value, unit
     values = (settings.get(name, (0.0, 1.0)) for name in names)
     # A controller of wheels with rollers has a list of radii.
-    known = ((value if isinstance(value, (int, float)) else 0.0, unit) for value, unit in values)
-    return tuple(float(value) * unit for value, unit in known)
+    numbers = ((value if isinstance(value, (int, float)) else 0.0, unit) for value, unit in values)
+    return tuple(float(value) * unit for value, unit in numbers)
 
 
 def _has_controller(lab: Lab, robot: RobotSpec | None, name: str) -> bool:

@@ -55,7 +55,7 @@ def create_render_product(node: NodeInstance, world: World) -> bool:
         product = shown
     if product.width <= 0 or product.height <= 0:
         return node.fails("its picture has no size", "empty-image")
-    name = next((name for name, known in world.products.items() if known == product), "")
+    name = next((name for name, rendered in world.products.items() if rendered == product), "")
     name = name or node.memory.get("path") or f"/Render/Product{len(world.products)}"
     world.products[name] = product
     node.memory["path"] = name
@@ -255,18 +255,18 @@ def _with_profile(prim: ScenePrim, needed: SensorOf, world: World) -> ScenePrim:
 def _note_unplayed(node: NodeInstance, world: World, prim: ScenePrim, values: SensorValues) -> None:
     """Note where the rays of a lidar go elsewhere than those that are played."""
     lidar = world.platform.sensor_models.lidar
-    found = [
+    settings = [
         name
         for name, value in values.of_instances(lidar.elevations).items()
         if any(abs(angle) > _LEVEL for angle in numbers(listed_entries(value)))
     ]
-    found += [name for name, usual in lidar.played.items() if values.get(name) not in usual]
+    settings += [name for name, usual in lidar.played.items() if values.get(name) not in usual]
     circle = {name: values.number(name) or 0.0 for name in lidar.circle}
     start, end = circle.values()
     if (end - start if end >= start else (end - start) % _TURN) < _WHOLE:
-        found += [name for name, usual in lidar.circle.items() if circle[name] != usual]
-    if found:
-        name = found[0]
+        settings += [name for name, usual in lidar.circle.items() if circle[name] != usual]
+    if settings:
+        name = settings[0]
         reason = f"{name} is {prim.values.get(name, 'not set, and not level by schema')}"
         world.not_simulated[prim.path] = reason
         world.unplayed[node.path] = f"not simulated: {prim.path}: {reason}"
