@@ -7,7 +7,7 @@ import math
 
 import pytest
 
-from lab3_usd.report.json_text import json_text
+from lab3_usd.report.safe_text import json_text
 
 ROW = {"empty": [[], {}], "text": 'é\u2028\x1b\\"</', "numbers": [1e16, -0.0, 10**30, 1e-7, None]}
 

@@ -32,10 +32,9 @@ from lab3_usd.model.stage import AbsentPrim, GraphModel, Node, PortState, StageM
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.html import model as html_model
 from lab3_usd.report.picture.canvas import on_canvas
-from lab3_usd.report.picture.dot import celled, graphviz
-from lab3_usd.report.picture.mermaid import coded, mermaid
+from lab3_usd.report.picture.flowcharts import celled, coded, graphviz, mermaid
 from lab3_usd.report.picture.model import Box, Curve, Kind, Picture, Row, State, port_id
-from lab3_usd.report.picture.png import png
+from lab3_usd.report.picture.picture_file import png
 from lab3_usd.report.picture.svg import (
     BELOW_TITLE,
     HEADERS,

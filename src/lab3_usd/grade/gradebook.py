@@ -33,9 +33,8 @@ from lab3_usd.model.finding import Report
 from lab3_usd.model.grade import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html.class_page import class_page
-from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, tool_version
-from lab3_usd.report.safe_text import safe_cell
+from lab3_usd.report.safe_text import json_text, safe_cell
 from lab3_usd.spec.lab import RUBRIC, Lab
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import has_teams

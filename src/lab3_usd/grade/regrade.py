@@ -40,8 +40,8 @@ from lab3_usd.grade.shared_reports import SHARED, shared_folder, write_shared
 from lab3_usd.model.finding import Report, Submission
 from lab3_usd.model.grade import ADJUSTED, REMARK
 from lab3_usd.report.formats.registry import render
-from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options
+from lab3_usd.report.safe_text import json_text
 from lab3_usd.spec.lab import RUBRIC, Lab
 
 # What of a student's page shows the grade; pictures have titles as well.

@@ -9,9 +9,8 @@ from itertools import groupby
 from msgspec.structs import asdict
 
 from lab3_usd.model.changes import ChangeKind, Part, StageChange, StageDiff
-from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, tool_version
-from lab3_usd.report.safe_text import printable, truncated_values
+from lab3_usd.report.safe_text import json_text, printable, truncated_values
 
 VERSION = 1
 TITLES: dict[Part, str] = {

@@ -23,6 +23,6 @@ FEATURE = Feature(
         "find_untrusted": "lab3_usd.grade.untrusted",
         "grade_of": "lab3_usd.grade.gradebook",
         "judge_untrusted": "lab3_usd.grade.untrusted",
-        "unpacked_lab": "lab3_usd.grade.intake.lab_archive",
+        "unpacked_lab": "lab3_usd.grade.intake.archives",
     },
 )

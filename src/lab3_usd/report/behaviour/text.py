@@ -15,9 +15,8 @@ from lab3_usd.model.dry_run import Behaviour, Check, Leg, Topic
 from lab3_usd.model.finding import Finding
 from lab3_usd.model.occupancy import MapFit
 from lab3_usd.report.entries import plural
-from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, tool_version
-from lab3_usd.report.safe_text import folded, paint, printable, truncated_values
+from lab3_usd.report.safe_text import folded, json_text, paint, printable, truncated_values
 
 WHAT_IT_IS = "a dry run from published node source, not Isaac Sim"
 WHAT_A_RECORDING_IS = "a recording of the running system"

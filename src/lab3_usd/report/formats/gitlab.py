@@ -12,9 +12,8 @@ from lab3_usd.report.entries import (
     relative_path,
     site,
 )
-from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options, Rules
-from lab3_usd.report.safe_text import visible
+from lab3_usd.report.safe_text import json_text, visible
 
 # Of GitLab's five; `blocker` is left to a rule that failed itself.
 SEVERITY_NAMES: dict[Severity, str] = {"error": "major", "warning": "minor", "note": "info"}

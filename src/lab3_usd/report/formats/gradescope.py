@@ -10,8 +10,8 @@ from lab3_usd.model.finding import Finding, Report, Requirement, StageResult
 from lab3_usd.model.grade import GradeItem
 from lab3_usd.report.entries import crashes, gaps, site, summarize, summary_line
 from lab3_usd.report.formats.markdown import code, escaped
-from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import Options, Rules
+from lab3_usd.report.safe_text import json_text
 
 VISIBILITIES = ("hidden", "after_due_date", "after_published", "visible")
 Json = dict[str, Any]

@@ -9,9 +9,8 @@ from msgspec.structs import asdict
 
 from lab3_usd.model.finding import Crash, Finding, NodeCoverage, Report, Requirement
 from lab3_usd.report.entries import Summary, fault_id, severity_counts, summarize
-from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
-from lab3_usd.report.safe_text import truncated_values
+from lab3_usd.report.safe_text import json_text, truncated_values
 
 VERSION = 2
 Json = dict[str, Any]

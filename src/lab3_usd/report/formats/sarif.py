@@ -20,9 +20,8 @@ from lab3_usd.report.entries import (
     relative_path,
     site,
 )
-from lab3_usd.report.json_text import json_text
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
-from lab3_usd.report.safe_text import visible
+from lab3_usd.report.safe_text import json_text, visible
 
 VERSION = "2.1.0"
 SCHEMA = (

@@ -8,19 +8,19 @@ from typing import TYPE_CHECKING
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import refuse_existing, write_whole
+from lab3_usd.installation import install_command
 
 if TYPE_CHECKING:
     from lab3_usd.report.picture.model import Picture
     from lab3_usd.report.picture.svg import Theme
 
+LARGEST = 16000  # pixels on the longer side
 ENDINGS = {"svg": "svg", "png": "png", "mermaid": "mmd", "dot": "dot"}
 
 
 def encoder(form: str, theme: Theme = "auto") -> Callable[[Picture], bytes]:
     """Return what turns a picture into the bytes of its file."""
-    from lab3_usd.report.picture.dot import graphviz
-    from lab3_usd.report.picture.mermaid import mermaid
-    from lab3_usd.report.picture.png import png
+    from lab3_usd.report.picture.flowcharts import graphviz, mermaid
     from lab3_usd.report.picture.svg import svg_file
 
     encoders: dict[str, Callable[[Picture], bytes]] = {
@@ -30,6 +30,27 @@ def encoder(form: str, theme: Theme = "auto") -> Callable[[Picture], bytes]:
         "dot": lambda picture: graphviz(picture).encode(),
     }
     return encoders[form]
+
+
+def png(picture: Picture, theme: Theme = "light") -> bytes:
+    """Return the picture as a PNG image; one that would be too large is made smaller.
+
+    The theme `auto` is light, because an image cannot follow a system.
+
+    Raises:
+        UsageError: the rasteriser is not installed.
+    """
+    try:
+        import resvg_py
+    except ImportError as error:
+        raise UsageError(
+            f"PNG needs the extra png: {install_command('png')}; or draw as svg"
+        ) from error
+    from lab3_usd.report.picture.svg import svg_file
+
+    chosen: Theme = "light" if theme == "auto" else theme
+    zoom = min(1.0, LARGEST / max(picture.width, picture.height, 1.0))
+    return bytes(resvg_py.svg_to_bytes(svg_string=svg_file(picture, chosen), zoom=zoom))
 
 
 def write_picture(picture: Picture, path: Path, force: bool) -> None:  # noqa: FBT001

@@ -34,7 +34,6 @@ MODULES = (
     "transforms",
     "messages",
     "flow",
-    "pure",
 )
 _FUNCTIONS: dict[str, Function] = {}
 _EVENTS: dict[str, str] = {}  # of the types that start an execution: what they wait for

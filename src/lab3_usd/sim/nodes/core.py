@@ -1,11 +1,15 @@
-"""Events, gates, time, contexts, numbers, vectors and arrays. CN is core nodes, RN ROS 2 nodes."""
+"""Events, time, contexts, arrays, variables, and what `isaac/pure_nodes.py` says how to compute.
+
+CN is core nodes, RN ROS 2 nodes.
+"""
 
 from __future__ import annotations
 
 import json
+from functools import partial
 
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.isaac.pure_nodes import are_numbers
+from lab3_usd.isaac.pure_nodes import PURE_NODES, NoOutputError, are_numbers, last_part
 from lab3_usd.model.dry_run import Affine, Quaternion
 from lab3_usd.sim.execution.node_instance import CONSTANT, FRAME, STEP, NodeInstance, computes
 from lab3_usd.sim.execution.world import World, domain_number
@@ -176,4 +180,28 @@ def construct_array(node: NodeInstance, world: World) -> bool:
         return node.fails(f"its elements are not {kind}", "wrong-array-type")
     empty = "" if is_token else 0.0
     node.outputs["array"] = tuple([empty if value is None else value for value in values])
+    return True
+
+
+@computes(*PURE_NODES)
+def pure(node: NodeInstance, world: World) -> bool:
+    """Give what the node makes of its inputs."""
+    function = PURE_NODES[last_part(node.type.type)]
+    try:
+        node.outputs.update(function(partial(node.get, world=world), node.values))
+    except NoOutputError as error:
+        return node.fails(error.reason, error.kind)
+    return True
+
+
+@computes("ReadVariable")
+def read_variable(node: NodeInstance, world: World) -> bool:
+    """omni-graph-core/readvariable-2.html: what a variable of the graph holds."""
+    name, path = node.text("variableName", world), node.path.rpartition("/")[0]
+    targets = node.targets("graph")
+    path = targets[0] if targets else path
+    graph = next((graph for graph in world.scene.graphs if graph.path == path), None)
+    if graph is None or name not in graph.variables:
+        return node.fails(f"the graph has no variable '{name}'", "no-number-input")
+    node.outputs["value"] = graph.variables[name]
     return True
