@@ -27,6 +27,7 @@ from lab3_usd.commands.shared.options import (
     complete_checkpoints,
     native_option,
     recorded,
+    refuse_options,
     report_options,
     view_options,
 )
@@ -133,7 +134,7 @@ def _refuse_trust(
     Raises:
         UsageError: such an option is given.
     """
-    trusting = {
+    trusting: dict[str, object] = {
         "--checkpoint": asked.checkpoint,
         "--maps": asked.maps,
         "--sim": asked.sim,
@@ -142,9 +143,7 @@ def _refuse_trust(
         "--config": configuration.config_file,
         "--watch": view.watch,
     }
-    for option, value in trusting.items():
-        if value:
-            raise UsageError(f"{option} is for files that are trusted, and not for --untrusted")
+    refuse_options(trusting, "is for files that are trusted, and not for --untrusted")
     if report.form == "html":
         raise UsageError(
             f"--format html opens the stages again: use the page that {program()} grade writes"

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 import sys
-from collections.abc import Callable, Collection, Iterable, Iterator
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import wraps
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, TextIO
@@ -60,6 +60,17 @@ def made_of(name: str, fields: Collection[str], make: Callable[..., object]) -> 
         return call
 
     return add
+
+
+def refuse_options(given: Mapping[str, object], why: str) -> None:
+    """Refuse options, by their names, that are set where they have no meaning.
+
+    Raises:
+        UsageError: one is set.
+    """
+    for option, value in given.items():
+        if value:
+            raise UsageError(f"{option} {why}")
 
 
 def complete_rules(

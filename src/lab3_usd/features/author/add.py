@@ -11,7 +11,6 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 import click
-from msgspec import Struct
 
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import file_option, recorded, width
@@ -26,7 +25,9 @@ from lab3_usd.commands.shared.writing import (
 )
 from lab3_usd.errors import UsageError
 from lab3_usd.features.author.requests import (
+    EditOptions,
     edit_options,
+    finding_fields,
     kind_and_stage,
     request_options,
     to_write,
@@ -59,17 +60,13 @@ Kinds:
 _LABEL, _WIDEST, _NARROWEST = 10, 34, 60  # columns of the text
 
 
-class AddingOptions(Struct, frozen=True):
+class AddingOptions(EditOptions, frozen=True):
     """Where requests come from, and how their graphs are made, checked and shown."""
 
     requests: Path | None
     replace: bool
     layer: Path | None
     check_drive: bool
-    force: bool
-    release: str | None
-    form: str
-    assets: tuple[str, ...]
 
 
 @click.command("add")
@@ -303,13 +300,7 @@ def _line(finding: Finding) -> str:
 
 def _as_json(added: Added, played: Sequence[Check], written: Path | None) -> str:
     def finding(entry: Finding, how: str = "") -> dict[str, str]:
-        said = {
-            "rule": entry.rule,
-            "severity": entry.severity,
-            "prim": entry.prim,
-            "message": entry.message,
-        }
-        return {**said, "resolved_by": how} if how else said
+        return finding_fields(entry) | ({"resolved_by": how} if how else {})
 
     document = {
         "stage": str(added.path),

@@ -8,7 +8,6 @@ from collections.abc import Iterator
 from typing import TYPE_CHECKING
 
 import click
-from msgspec import Struct
 
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import recorded
@@ -23,7 +22,9 @@ from lab3_usd.commands.shared.writing import (
 )
 from lab3_usd.errors import UsageError
 from lab3_usd.features.author.requests import (
+    EditOptions,
     edit_options,
+    finding_fields,
     kind_and_stage,
     removal_options,
     to_write,
@@ -34,23 +35,14 @@ if TYPE_CHECKING:
     from lab3_usd.author.request import Options
 
 
-class RemovingOptions(Struct, frozen=True):
-    """How the stage that is left is checked, and how the removal is shown."""
-
-    force: bool
-    release: str | None
-    form: str
-    assets: tuple[str, ...]
-
-
 @click.command("remove")
 @click.argument("words", nargs=-1, required=True, metavar="KIND STAGE", type=Input())
 @removal_options
 @writing_options("remaining")
 @edit_options
-@recorded("asked", RemovingOptions)
+@recorded("asked", EditOptions)
 def command(
-    words: tuple[str, ...], request: Options, writing: WritingOptions, asked: RemovingOptions
+    words: tuple[str, ...], request: Options, writing: WritingOptions, asked: EditOptions
 ) -> None:
     """Remove a graph that lab3 add added, or one that does the same.
 
@@ -92,10 +84,7 @@ def command(
             "added_by_lab3": not removed.is_foreign,
             "removed": list(removed.prims),
             "written": is_written,
-            "findings": [
-                {"rule": f.rule, "severity": f.severity, "prim": f.prim, "message": f.message}
-                for f in removed.new
-            ],
+            "findings": [*map(finding_fields, removed.new)],
         }
         click.echo(json.dumps(document, indent=2, ensure_ascii=False))
         sys.exit(1 if is_refused else 0)

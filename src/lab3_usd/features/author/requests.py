@@ -7,6 +7,7 @@ from pathlib import Path
 from typing import Any
 
 import click
+from msgspec import Struct
 
 from lab3_usd.author.request import Options, options_of
 from lab3_usd.commands.shared.options import (
@@ -21,6 +22,7 @@ from lab3_usd.commands.shared.options import (
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
 from lab3_usd.installation import command_line
+from lab3_usd.model.finding import Finding
 
 _LISTS = ("joints", "targets", "publish", "metadata")
 _NUMBERS = {"indices": int, "positions": float}
@@ -147,6 +149,15 @@ removal_options: Option = all_of(
 )
 
 
+class EditOptions(Struct, frozen=True):
+    """How the stage that an edit leaves is checked, and how the edit is shown."""
+
+    force: bool
+    release: str | None
+    form: str
+    assets: tuple[str, ...]
+
+
 edit_options: Option = all_of(
     click.option("--force", is_flag=True, help="Write in spite of findings; replace any file."),
     click.option(
@@ -159,6 +170,16 @@ edit_options: Option = all_of(
     text_or_json,
     assets_option,
 )
+
+
+def finding_fields(finding: Finding) -> dict[str, str]:
+    """Return what the JSON of an edit says of a finding."""
+    return {
+        "rule": finding.rule,
+        "severity": finding.severity,
+        "prim": finding.prim,
+        "message": finding.message,
+    }
 
 
 def to_write() -> str:

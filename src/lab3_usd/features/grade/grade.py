@@ -21,6 +21,7 @@ from lab3_usd.commands.shared.options import (
     given_words,
     lab_words,
     recorded,
+    refuse_options,
     understands_ansi,
 )
 from lab3_usd.commands.shared.paths import (
@@ -425,9 +426,7 @@ def _grade_alone(submission: Path, asked: ClassOptions, bounds: BoundOptions) ->
         "--insecure-cluster": asked.insecure_cluster,
         "--jobs": asked.jobs,
     }
-    for option, value in of_classes.items():
-        if value:
-            raise UsageError(f"{option} is for a class; --format grades one submission")
+    refuse_options(of_classes, "is for a class; --format grades one submission")
     from lab3_usd.commands.shared.reporting import write_report
     from lab3_usd.deliverables.maps import supplied_map
     from lab3_usd.grade.class_run import grade_alone

@@ -9,7 +9,7 @@ from typing import Any
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.shared.options import all_of, file_option, recorded
+from lab3_usd.commands.shared.options import all_of, file_option, recorded, refuse_options
 from lab3_usd.errors import UsageError
 
 
@@ -120,13 +120,12 @@ def check_export(export: ExportOptions) -> None:
         raise UsageError(f"--gradebook {export.gradebook}: is none of {names}")
     if (export.gradebook is None) != (export.roster is None):
         raise UsageError("--gradebook and --roster go together: the export names the students")
-    of_exports = {
-        "--column": export.column,
-        "--scale": export.scale,
-        "--map": export.given,
-        "--preview": export.preview,
-        "--feedback": export.feedback,
-    }
-    for option, value in of_exports.items():
-        if value and export.gradebook is None:
-            raise UsageError(f"{option} is for --gradebook PLATFORM with --roster FILE")
+    if export.gradebook is None:
+        of_exports = {
+            "--column": export.column,
+            "--scale": export.scale,
+            "--map": export.given,
+            "--preview": export.preview,
+            "--feedback": export.feedback,
+        }
+        refuse_options(of_exports, "is for --gradebook PLATFORM with --roster FILE")
