@@ -38,7 +38,7 @@ if TYPE_CHECKING:
 
 NO_GRAPH = "it builds no graph"
 _OLD_NAMES = "K31"
-_STOPS = ("B", "K21", "K30", "K31")  # what an error of a script is that a handler may expect
+_STOPS = ("B", "K21", "K30", _OLD_NAMES)  # what an error of a script is that a handler may expect
 _NOTE = re.compile(r"#[ \t]*lab3:[ \t]*ignore\b(?:\[([^\]\n]*)\]|[ \t]+([\w ,-]+))?")
 
 

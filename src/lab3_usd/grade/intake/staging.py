@@ -38,6 +38,7 @@ from lab3_usd.grade.intake.submission_copy import (
     stage_seeker,
 )
 from lab3_usd.grade.intake.submission_folder import (
+    UPLOAD_LEFT_ASIDE,
     FolderRemark,
     choose_folder,
     counted,
@@ -115,7 +116,9 @@ def stage_submission(
             before, copy = _stage_upload(own, folder, limits)
         except (ArchiveError, TooLargeError) as error:
             remarks.append(
-                FolderRemark(".", f"the earlier {earlier} cannot be read: {error}", "Z04")
+                FolderRemark(
+                    ".", f"the earlier {earlier} cannot be read: {error}", UPLOAD_LEFT_ASIDE
+                )
             )
             continue
         digest.update(before.digest.encode())
@@ -123,15 +126,17 @@ def stage_submission(
         if merge:
             last, added = _merged(last, before)
             if added:
-                remarks.append(FolderRemark(".", f"from the {earlier}: {', '.join(added)}", "Z04"))
+                remarks.append(
+                    FolderRemark(".", f"from the {earlier}: {', '.join(added)}", UPLOAD_LEFT_ASIDE)
+                )
         elif len(had) > len(held):
             text = (
                 f"the last {when} is judged ({counted(held)}); the earlier {earlier} has more "
                 f"({counted(had)})"
             )
-            remarks.append(FolderRemark(".", text, "Z04"))
+            remarks.append(FolderRemark(".", text, UPLOAD_LEFT_ASIDE))
     if merge and remarks != list(last.remarks):
-        remarks.append(FolderRemark(".", f"all else is from the last {when}", "Z04"))
+        remarks.append(FolderRemark(".", f"all else is from the last {when}", UPLOAD_LEFT_ASIDE))
     for remark in remarks:
         digest.update(remark.text.encode("utf-8", "backslashreplace"))
     return replace(last, digest=digest.hexdigest(), remarks=tuple(remarks))

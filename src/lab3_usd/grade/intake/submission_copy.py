@@ -118,6 +118,7 @@ _MADE = (".git", ".venv", "venv", "build", "install", "log", "node_modules", "__
 _PASSED_OVER = "programs fill folders of this name; its content is not judged"
 _CLOUD_FILE = re.compile(r"^\.(?P<name>.+)\.icloud$")
 _IN_THE_CLOUD = "it is a placeholder of iCloud, not the file itself"
+FILE_LEFT_OUT, FILE_PASSED_OVER = "Z01", "Z05"  # the rules that say so to a student
 _LATEST = 2**32  # seconds, beyond which not every file system counts
 
 
@@ -129,7 +130,7 @@ class RefusedFile(Struct, frozen=True):
 
     path: str
     reason: str
-    rule: str = "Z01"
+    rule: str = FILE_LEFT_OUT
 
 
 def path_parts(name: str) -> list[str]:
@@ -265,10 +266,10 @@ class SubmissionCopy:
             by_name.setdefault(own, []).append(folder)
         for first, *further in by_name.values():
             more = f" (and in {len(further)} more of this name)" if further else ""
-            self.refuse(first, f"{_PASSED_OVER}{more}", "Z05")
+            self.refuse(first, f"{_PASSED_OVER}{more}", FILE_PASSED_OVER)
         self.passed_over.clear()
 
-    def refuse(self, name: str, reason: str, rule: str = "Z01") -> None:
+    def refuse(self, name: str, reason: str, rule: str = FILE_LEFT_OUT) -> None:
         """Record that a file is not taken in."""
         path = name.encode("utf-8", "backslashreplace").decode()
         self.refused.append(RefusedFile(path, reason, rule))

@@ -14,7 +14,7 @@ from msgspec import Struct
 
 from lab3_usd.deliverables.submission_files import find_checkpoint_stages, folder_named
 from lab3_usd.grade.intake.guard import can_be_read
-from lab3_usd.grade.intake.submission_copy import RefusedFile, SubmissionCopy
+from lab3_usd.grade.intake.submission_copy import FILE_PASSED_OVER, RefusedFile, SubmissionCopy
 from lab3_usd.model.folder import FolderFile
 from lab3_usd.pipeline.folder import is_submission
 from lab3_usd.spec.load.loader import load_lab
@@ -22,6 +22,7 @@ from lab3_usd.spec.load.loader import load_lab
 _DEEPEST = 6
 _MOST_NAMED = 8
 AMBIGUOUS = "ambiguous, ask the student"
+FOLDER_LEFT_ASIDE, UPLOAD_LEFT_ASIDE = "Z03", "Z04"  # the rules of remarks
 
 
 class FolderRemark(Struct, frozen=True):
@@ -95,10 +96,10 @@ def _beside(copy: SubmissionCopy, chosen: str, covered: Sequence[str]) -> Iterat
     names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
     left = sorted(name for name in names if not any(_is_inside(name, path) for path in covered))
     for name in left[:_MOST_NAMED]:
-        yield RefusedFile(name, f"it is outside the judged folder {chosen}", "Z05")
+        yield RefusedFile(name, f"it is outside the judged folder {chosen}", FILE_PASSED_OVER)
     if len(left) > _MOST_NAMED:
         more = f"{len(left) - _MOST_NAMED} more files are outside the judged folder {chosen}"
-        yield RefusedFile(left[_MOST_NAMED], more, "Z05")
+        yield RefusedFile(left[_MOST_NAMED], more, FILE_PASSED_OVER)
 
 
 def _is_inside(path: str, folder: str) -> bool:
@@ -174,7 +175,7 @@ def _remarks(chosen: StageFolder, aside: Sequence[StageFolder]) -> Iterator[Fold
     more = f" and {len(aside) - _MOST_NAMED} more" if len(aside) > _MOST_NAMED else ""
     doubt = f"{AMBIGUOUS}: as many in {_shown(equal[0].path)}; " if equal else ""
     text = f"{doubt}{judged}; left out: {', '.join(listed)}{more}"
-    yield FolderRemark(chosen.path or ".", text, "Z03")
+    yield FolderRemark(chosen.path or ".", text, FOLDER_LEFT_ASIDE)
 
 
 def _shown(path: str) -> str:

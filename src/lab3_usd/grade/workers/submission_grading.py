@@ -21,7 +21,7 @@ from lab3_usd.grade.gradebook import write_reports
 from lab3_usd.grade.intake.archives import ArchiveError, holds_nothing
 from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.staging import StagedSubmission, stage_submission
-from lab3_usd.grade.intake.submission_copy import Limits, TooLargeError
+from lab3_usd.grade.intake.submission_copy import FILE_LEFT_OUT, Limits, TooLargeError
 from lab3_usd.grade.intake.submission_folder import AMBIGUOUS
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
@@ -44,7 +44,6 @@ from lab3_usd.stage.graph_signature import files_read, graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
 from lab3_usd.stage.sandboxed_open import BlockedAsset, FileBounds, opening_within
 
-_NOT_OPENED = "Z01"
 # What remarks name: stages left aside, no map, another map.
 _UNJUDGED, _ABOUT_MAPS = "X13", ("M10", "M11")
 _SOMEBODY = "submission"
@@ -261,14 +260,14 @@ def ungraded_record(rubric: Rubric, student: str, status: str, reason: str, name
         "work": {},
         "digest": "",
         "verdicts": {},
-        "crashes": [_NOT_OPENED] if reason.startswith((FAILED_OVER_IT, TOOL_FAILED)) else [],
+        "crashes": [FILE_LEFT_OUT] if reason.startswith((FAILED_OVER_IT, TOOL_FAILED)) else [],
         "reports": write_reports(report, rubric, points, name),
     }
 
 
 def ungraded_report(student: str, reason: str) -> Report:
     """Return the report of a submission that could not be judged."""
-    finding = _finding(all_rules()[_NOT_OPENED], student, reason)
+    finding = _finding(all_rules()[FILE_LEFT_OUT], student, reason)
     return Report((), (Submission(student, (finding,)),))
 
 
@@ -299,7 +298,7 @@ def _status(
     if any(crash.error.startswith(MemoryError.__name__) for _, crash in crashes):
         raise MemoryError  # in a rule, which is not at fault
     for path, crash in crashes[:1]:
-        named = crash.rule in {UNREADABLE, _NOT_OPENED}
+        named = crash.rule in {UNREADABLE, FILE_LEFT_OUT}
         how = crash.error if named else f"rule {crash.rule} failed ({crash.error})"
         return status_of(FAILED_OVER_IT), f"{path}: {how}; please report it"
     return "graded", ""
@@ -316,7 +315,7 @@ def _with_own_failures(judged: FolderResult, broken: Mapping[str, str]) -> Folde
     ours = {path: how for path, how in broken.items() if how.startswith(FAILED_OVER_IT)}
     stages = {result.path for result in judged.results}
     crashes = tuple(
-        Crash(_NOT_OPENED, f"{path}: {how}") for path, how in ours.items() if path not in stages
+        Crash(FILE_LEFT_OUT, f"{path}: {how}") for path, how in ours.items() if path not in stages
     )
     about = judged.submission
     with_others = replace(about, crashes=(*about.crashes, *crashes))
