@@ -97,9 +97,13 @@ def _chosen(request: Request, editing: Editing) -> Candidate:
             if top in (robot.path, robot.root, robot.base):
                 parts |= {robot.path, *robot.links, *(each.prim.path for each in robot.sensors)}
         candidates = [each for each in candidates if _names(each, parts, model)]
-    for is_meant in (_is_about, _is_ours, _is_asked):
+    for preferred in (
+        lambda each: _is_about(each, request, model),
+        lambda each: not each.is_foreign,  # a recipe brought it
+        lambda each: _is_asked(each, request, model),
+    ):
         if len(candidates) > 1:
-            candidates = [c for c in candidates if is_meant(c, request, model)] or candidates
+            candidates = [*filter(preferred, candidates)] or candidates
     if len(candidates) == 1:
         return candidates[0]
     if candidates:
@@ -171,12 +175,6 @@ def _is_about(candidate: Candidate, request: Request, model: StageModel) -> bool
         ends = resolved_topic(topic, space)
         wanted.append(any(name == ends or (name or "").endswith(ends) for name in topics))
     return all(wanted)
-
-
-def _is_ours(candidate: Candidate, request: Request, model: StageModel) -> bool:
-    """Whether a recipe brought a graph."""
-    del request, model
-    return not candidate.is_foreign
 
 
 def _is_asked(candidate: Candidate, request: Request, model: StageModel) -> bool:

@@ -46,9 +46,17 @@ def described_faults(lab: Lab) -> Iterator[LabFault]:
         yield from dict.fromkeys(_misspelt(misnomer, lab) for misnomer in names)
         sites: set[tuple[str, str | None]] = set()
         for path, point in plan.items():
-            findings = [*check_stage(path, point.id, lab).findings]
+            props = [each for each in lab.props_at(point).values() if each.asset and each.resolved]
             findings = [
-                f for f in findings if f.severity != "note" and not _wants_asset(f, point, lab)
+                finding
+                for finding in check_stage(path, point.id, lab).findings
+                if finding.severity != "note"
+                # What a thing refers to lies beside the stages of students.
+                and not (
+                    finding.rule == "S36"
+                    and finding.expected is None
+                    and any(prop.stands_at(finding.prim) for prop in props)
+                )
             ]
             if point in whole:
                 findings += _linted(path, lab)
@@ -57,13 +65,6 @@ def described_faults(lab: Lab) -> Iterator[LabFault]:
                 if place not in sites:
                     sites.add(place)
                     yield _fault(finding, point, lab)
-
-
-def _wants_asset(finding: Finding, point: Checkpoint, lab: Lab) -> bool:
-    """Whether a finding is of what a thing refers to, which lies beside the stages of students."""
-    props = (prop for prop in lab.props_at(point).values() if prop.asset and prop.resolved)
-    is_prop = any(prop.stands_at(finding.prim) for prop in props)
-    return is_prop and finding.rule == "S36" and finding.expected is None
 
 
 def _linted(path: Path, lab: Lab) -> Iterator[Finding]:

@@ -83,13 +83,20 @@ def _only_look_on(added: Collection[str], scene: Scene, later: Player, platform:
         return False
     if not all(_is_unseen(whole.prims[path]) for path in added):
         return False
-    if not all(_is_harmless(node, program, platform) for node in nodes):
+    if not all(  # simulated, and only reads and publishes
+        (running := program.nodes.get(node.path)) is not None
+        and running.type.drives is None
+        and node.type not in platform.writers
+        for node in nodes
+    ):
         return False
-    own = {node.path for graph in scene.graphs for node in graph.nodes}
+    before = [node for graph in scene.graphs for node in graph.nodes]
+    own = {node.path for node in before}
     if any(source in own for node in nodes for source in _sources(node)):
         return False
     named = [
-        *(path for graph in scene.graphs for node in graph.nodes for path in _named(node)),
+        *(source for node in before for source in _sources(node)),
+        *(to for node in before for paths in node.targets.values() for to in paths),
         *(to for prim in scene.prims.values() for paths in prim.targets.values() for to in paths),
     ]
     return not any(is_within(path.partition(".")[0], added) for path in named)
@@ -106,18 +113,8 @@ def _is_unseen(prim: ScenePrim) -> bool:
     )
 
 
-def _is_harmless(node: SceneNode, program: Program, platform: Platform) -> bool:
-    """Whether a node is simulated, and only reads and publishes."""
-    running = program.nodes.get(node.path)
-    return running is not None and running.type.drives is None and node.type not in platform.writers
-
-
 def _sources(node: SceneNode) -> list[str]:
     return [wire.rpartition(".")[0] for state in node.inputs.values() for wire in state.sources]
-
-
-def _named(node: SceneNode) -> list[str]:
-    return [*_sources(node), *(path for paths in node.targets.values() for path in paths)]
 
 
 def _part_of(program: Program, scene: Scene, added: Collection[str]) -> Program:

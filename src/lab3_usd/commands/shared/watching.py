@@ -266,15 +266,16 @@ class _Session:
         """Judge saved files until the set of watched folders changes."""
         watched = self._folders(given)
         for changed in saves(watched):
-            self.judge_changed(changed or self._missed())
+            stages = changed
+            if not changed:  # what was saved before watching began
+                now = ((seen(name), then) for name, then in self._seen.items())
+                stages = frozenset(
+                    file for (file, saved), then in now if saved and (file, saved) != then
+                )
+            self.judge_changed(stages)
             if self._folders(given) != watched:
                 break
         self.judge_changed(frozenset())
-
-    def _missed(self) -> frozenset[str]:
-        """Return the stages that were saved before watching began."""
-        now = ((seen(name), then) for name, then in self._seen.items())
-        return frozenset(file for (file, saved), then in now if saved and (file, saved) != then)
 
     def _folders(self, given: Iterable[str]) -> dict[str, int]:
         used = (file for files in self._files.values() for file in files)

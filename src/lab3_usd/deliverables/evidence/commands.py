@@ -91,8 +91,11 @@ def _may_precede(words: list[str]) -> bool:
         len(names),
     )
     prompt, wrapper = names[:start], names[start:]
-    if prompt and not _is_prompt_or_label(prompt):
-        return False
+    if prompt:
+        is_prompt = prompt[-1].endswith(_ENDS) or prompt[0].startswith(_BEGINS)
+        longest = _LONGEST_PROMPT if is_prompt else _LONGEST_LABEL
+        if len(prompt) > longest or not (is_prompt or prompt[-1].endswith(":")):
+            return False
     allowed, own = 0, 0
     for name in wrapper:
         if name in _WRAPPERS:
@@ -102,12 +105,6 @@ def _may_precede(words: list[str]) -> bool:
         elif not _ASSIGNED.match(name):
             own += 1
     return own <= allowed
-
-
-def _is_prompt_or_label(words: list[str]) -> bool:
-    if words[-1].endswith(_ENDS) or words[0].startswith(_BEGINS):
-        return len(words) <= _LONGEST_PROMPT
-    return words[-1].endswith(":") and len(words) <= _LONGEST_LABEL
 
 
 def _cut(command: list[str]) -> TypedCommand:

@@ -217,16 +217,13 @@ def chosen_stages(given: Sequence[Path]) -> Iterator[Path]:
             files = [file for file in path.iterdir() if file.suffix.lower() in STAGE_ENDINGS]
         elif "*" in path.name and not path.exists():
             files = [*path.parent.glob(path.name)]
-        yield from sorted(files, key=_by_number)
-
-
-_NUMBERS = re.compile(r"(\d+)")
-
-
-def _by_number(file: Path) -> list[tuple[int, str]]:
-    """Return what orders file names by the numbers in them: 2 before 10."""
-    parts = _NUMBERS.split(file.name)
-    return [(int(part), "") if part.isdigit() else (0, part) for part in parts]
+        yield from sorted(
+            files,
+            key=lambda file: [  # 2 before 10
+                (int(part), "") if part.isdigit() else (0, part)
+                for part in re.split(r"(\d+)", file.name)
+            ],
+        )
 
 
 @command.command("schema")

@@ -65,6 +65,9 @@ def read_student_names(path: Path) -> StudentNames:
         return StudentNames({}, f"it cannot be read: {error.strerror}")
 
 
+_IDS = {STUDENT_ID: ":sid", ADDRESS: ":email"}
+
+
 def names_in(data: bytes | str) -> StudentNames:
     """Return who is who from the bytes of the file; a text says why there are none."""
     if isinstance(data, str):
@@ -79,18 +82,19 @@ def names_in(data: bytes | str) -> StudentNames:
             submitters = entry.get(":submitters") if isinstance(entry, dict) else None
             if not isinstance(folder, str) or not isinstance(submitters, list):
                 continue
-            people = tuple(_person(fields) for fields in submitters if isinstance(fields, dict))
+            people = tuple(
+                Person(
+                    _text(fields, ":name"),
+                    {kind: value for kind, key in _IDS.items() if (value := _text(fields, key))},
+                )
+                for fields in submitters
+                if isinstance(fields, dict)
+            )
             if people:
                 numbers = (next(iter(person.ids.values()), "") for person in people)
                 student = "+".join(filter(None, numbers)) or folder
                 names.setdefault(folder, Submitters(student, people))
     return StudentNames(names, fault)
-
-
-def _person(fields: dict[Any, Any]) -> Person:
-    """Return a submitter of Gradescope with student id and address, as far as they are given."""
-    ids = {STUDENT_ID: _text(fields, ":sid"), ADDRESS: _text(fields, ":email")}
-    return Person(_text(fields, ":name"), {kind: value for kind, value in ids.items() if value})
 
 
 class _YamlFault(Struct, frozen=True):

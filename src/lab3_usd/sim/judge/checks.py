@@ -143,7 +143,12 @@ def verdict(name: str, faults: list[RunFault], trial: Trial) -> Check:
     if not faults:
         never = name in MOVED and (not trial.recording.path or trial.never_moves())
         return Check(name, "not judged", "the robot never moved") if never else Check(name, "ok")
-    sure = [fault for fault in faults if not _is_doubtful(name, fault, trial)]
+    is_assumed = name in _OF_SCANS and bool(trial.recording.assumed)
+    sure = [  # what does not come from what is assumed or not known
+        fault
+        for fault in faults
+        if fault.sure and not is_assumed and not (causes is not None and causes.doubt(name, fault))
+    ]
     shown = sure or faults
     leading = next((fault for fault in shown if fault.prim), shown[0])
     text = "; ".join(fault.message for fault in shown)
@@ -169,13 +174,6 @@ def why_unplayed(name: str, trial: Trial) -> str:
     seen = recording.topic(trial.wanted.scan, 0) if name in _OF_SCANS else ()
     sources = (name, *dict.fromkeys(message.node for message in seen))
     return next((recording.unplayed[each] for each in sources if each in recording.unplayed), "")
-
-
-def _is_doubtful(name: str, fault: RunFault, trial: Trial) -> bool:
-    """Whether a fault may come from what is assumed or not known."""
-    if not fault.sure or (name in _OF_SCANS and trial.recording.assumed):
-        return True
-    return trial.causes is not None and trial.causes.doubt(name, fault)
 
 
 def whole_verdict(checks: Sequence[Check]) -> tuple[Literal["ok", "bad", "not judged"], str]:
