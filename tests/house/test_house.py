@@ -206,6 +206,28 @@ def test_one_name_is_one_concept() -> None:
     assert len(shared(modules, 3)) <= MOST_SHARED_MODULES
 
 
+# Outside of the rules and of the table that says which rule explains what a dry run shows.
+OWN_IDS = ("lab3_usd/check/rules/", "lab3_usd/check/explanations.py")
+MOST_RULE_IDS, MOST_PORTS = 17, 19
+
+
+def quoted(pattern: str, code: str) -> list[str]:
+    return re.findall(rf'"({pattern})"', code)
+
+
+def test_what_is_written_between_quotes_is_counted() -> None:
+    assert quoted(r"[A-Z]\d\d", 'rule = "K22"  # not K23, and no "K225"') == ["K22"]
+
+
+def test_ids_of_rules_and_ports_of_nodes_stand_in_one_place() -> None:
+    texts = {module_id(path): path.read_text() for path in SOURCES}
+    apart = "".join(text for name, text in texts.items() if not name.startswith(OWN_IDS))
+    assert len([each for each in quoted(r"[A-Z]\d{2,3}", apart) if each in all_rules()]) <= (
+        MOST_RULE_IDS
+    )
+    assert len(quoted(r"(?:in|out)puts:\w+", "".join(texts.values()))) <= MOST_PORTS
+
+
 def given_up(text: str) -> list[str]:
     """Return the words to write instead of those that were given up."""
     patterns = {words.replace(" ", r"\s+"): instead for words, instead in GIVEN_UP.items()}

@@ -41,8 +41,8 @@ _STAGES = {FRAME: "pipelineStageSimulation", STEP: "pipelineStageOnDemand"}
 PUSH = ("push", "dirty_push")
 READ_VARIABLE, WRITE_VARIABLE = "ReadVariable", "WriteVariable"
 # Of types of which not all is known: the outputs that are computed, the inputs that are not.
-_KNOWN_OUTPUTS = {"GetTimeline": ("outputs:time", "outputs:isPlaying")}
-_UNKNOWN_INPUTS = {"ForLoop": "inputs:breakLoop"}
+_KNOWN_OUTPUTS = {"GetTimeline": ("time", "isPlaying")}
+_UNKNOWN_INPUTS = {"ForLoop": "breakLoop"}
 _UNSAVED = Input("")
 
 
@@ -280,11 +280,12 @@ def _is_partly_known(node: SceneNode, read: Collection[str]) -> bool:
     """Whether something is asked of a node that its function does not compute."""
     name = last_name(node.type)
     outputs, unknown = _KNOWN_OUTPUTS.get(name), _UNKNOWN_INPUTS.get(name, "")
-    own = f"{node.path}."
+    own = f"{node.path}.{OUTPUT}"
     asks_more = outputs is not None and any(
-        source.startswith(own) and source.removeprefix(own) not in outputs for source in read
+        source.startswith(f"{node.path}.") and source.removeprefix(own) not in outputs
+        for source in read
     )
-    return asks_more or bool((node.inputs.get(unknown) or _UNSAVED).sources)
+    return asks_more or bool((node.inputs.get(INPUT + unknown) or _UNSAVED).sources)
 
 
 def _connect(node: NodeInstance, program: Program) -> None:
