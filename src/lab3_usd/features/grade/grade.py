@@ -326,9 +326,6 @@ def _grade(submissions: str, starter: Path, asked: ClassOptions, bounds: BoundOp
     from lab3_usd.grade.class_run import ClassSettings
     from lab3_usd.grade.intake.addresses import is_address
 
-    processors = os.cpu_count() or 1
-    if hasattr(os, "sched_getaffinity"):
-        processors = len(os.sched_getaffinity(0))
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
         starter=starter,
@@ -337,7 +334,7 @@ def _grade(submissions: str, starter: Path, asked: ClassOptions, bounds: BoundOp
         by_hand=Tables(asked.adjust, asked.late),
         maps=asked.maps,
         limits=_limits(bounds),
-        jobs=asked.jobs or processors,
+        jobs=asked.jobs or _processors(),
         resume=asked.resume,
         assets=asset_places(asked.assets),
         merge_uploads=asked.merge_uploads,
@@ -468,3 +465,9 @@ def _runner(cluster: str | None, *, insecure: bool) -> Any:
     from lab3_usd.grade.workers.cluster import cluster_runner
 
     return cluster_runner(cluster, _notify, insecure=insecure)
+
+
+def _processors() -> int:
+    if hasattr(os, "sched_getaffinity"):
+        return len(os.sched_getaffinity(0))
+    return os.cpu_count() or 1
