@@ -29,7 +29,7 @@ from lab3_usd.sim.bag.reader import Gathered, Topics
 from lab3_usd.sim.bag.recording_files import Bounds, Offered, layout_at, opened
 from lab3_usd.sim.execution.recording import Odometry
 from lab3_usd.sim.judge.checks import ASKED
-from lab3_usd.sim.judge.expectations import Look, RunFault, Trial
+from lab3_usd.sim.judge.expectations import Look
 from lab3_usd.sim.judge.topics import tree
 from lab3_usd.sim.outcome import DryRun
 from lab3_usd.sim.robots import ODOMETRY, STEERING, TWIST, expected_of
@@ -191,7 +191,11 @@ def _drive_of(robot: RecordedRobot, topics: Topics, gathered: Gathered) -> Recor
         wanted = replace(wanted, root=told.frame, base=told.data.child)
     drive = recorded_drive(gathered, replace(topics, wanted=wanted))
     drive.own_checks = {
-        "tree": Look(_tree, ASKED["tree"]),
+        # How often a transform comes is up to its node.
+        "tree": Look(
+            lambda seen: (fault for fault in tree(seen) if fault.kind != "transform-ends"),
+            ASKED["tree"],
+        ),
         "follows": Look(follows_side, ASKED["follows"]),
     }
     pairs = (robot.odometry, robot.commands), (robot.joints, robot.joint_commands)
@@ -199,8 +203,3 @@ def _drive_of(robot: RecordedRobot, topics: Topics, gathered: Gathered) -> Recor
         f"{shown} is held against the commands on {told}" for shown, told in pairs if told
     ]
     return drive
-
-
-def _tree(trial: Trial) -> Iterator[RunFault]:
-    """Each frame has one parent; how often a transform comes is up to its node."""
-    yield from (fault for fault in tree(trial) if fault.kind != "transform-ends")
