@@ -12,7 +12,7 @@ import yaml
 from in_process import invoke
 from msgspec.structs import replace
 from places import REPOSITORY
-from pxr import Usd
+from pxr import Sdf, Usd
 
 from lab3_usd.check.manual import rules_in
 from lab3_usd.check.rules.targets import _difference
@@ -20,6 +20,7 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.graph import Target
 from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.scene import NO_ROBOT
 
 JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
 IMU = "/World/Jetbot/chassis/Imu"
@@ -161,6 +162,30 @@ def test_who_did_an_optional_milestone_is_not_faulted_for_it_later(extra_frame: 
     (later,) = (extra_frame / "built").glob("*topics.usda")
     shutil.copyfile(done, later)
     assert findings(extra_frame, "topics", nothing) == []
+
+
+def test_a_graph_that_was_left_without_its_sensor_is_told(extra_frame: Path) -> None:
+    (done,) = (extra_frame / "built").glob("*imu.usda")
+    (later,) = (extra_frame / "built").glob("*topics.usda")
+    shutil.copyfile(done, later)
+    (found,) = findings(extra_frame, "topics", lambda stage: stage.RemovePrim(IMU))
+    assert (found.rule, found.prim) == ("G09", f"{FRAME}/links")
+
+
+@pytest.mark.parametrize(("limit", "rules"), [(90.0, ["S26"]), (float("inf"), [])])
+def test_a_driven_wheel_is_held_by_limits_that_the_lab_does_not_speak_of(
+    extra_frame: Path, limit: float, rules: list[str]
+) -> None:
+    lab = load_lab(extra_frame)
+    (robot,) = lab.scene.robots
+    bare = replace(lab, scene=replace(lab.scene, robots=(replace(robot, wheels=NO_ROBOT.wheels),)))
+    (path,) = (extra_frame / "built").glob("*drive.usda")
+    stage = Usd.Stage.Open(str(path))
+    joint = next(prim for prim in stage.Traverse() if prim.GetName() == "left_wheel_joint")
+    joint.CreateAttribute("physics:upperLimit", Sdf.ValueTypeNames.Float).Set(limit)
+    stage.Save()
+    found = check_stage(path, lab=bare).findings
+    assert [each.rule for each in found if each.severity == "error"] == rules
 
 
 def test_the_frame_of_an_optional_milestone_is_judged_there(extra_frame: Path) -> None:

@@ -120,6 +120,7 @@ PARTS: Mapping[str, Callable[[Lab], bool]] = {
     "forbidden transform": lambda lab: bool(lab.frames.forbidden_transforms),
     "removals": lambda lab: any(point.removed for point in lab.checkpoints.values()),
     "props": lambda lab: bool(lab.scene.props),
+    "optional checkpoints": lambda lab: any(point.optional for point in lab.checkpoints.values()),
     "navigation": lambda lab: lab.ros.navigation is not None,
     "goal": lambda lab: lab.ros.goal is not None,
     "running system": lambda lab: bool(lab.topics),

@@ -4,13 +4,16 @@ from __future__ import annotations
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import live_nodes
+from lab3_usd.facts.articulations import Command, commands, joints_commanded
+from lab3_usd.facts.execution_order import live_nodes, run_states
 from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.behaviour import UnitOf
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.prims import Prim
+from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
+_WHEEL_SPEEDS = "speeds of wheels"
 _COMPONENTS = ("x", "y", "z")
 
 
@@ -60,6 +63,19 @@ def quantity_of(
         return None
     part = out if out in _COMPONENTS else component
     return quantity_of(source, INPUT + units.passes, stage, part, depth - 1)
+
+
+@once_per_stage
+def wheel_commands(stage: StageModel) -> tuple[tuple[Command, tuple[Prim, ...]], ...]:
+    """Return the commands that a controller of wheels computes, with the joints of the wheels."""
+    found = []
+    for command in commands(stage):
+        _, velocity, _ = command.ports.commands
+        given = quantity_of(command.node, velocity, stage) if command.roots else None
+        is_of_wheels = given is not None and given.name == _WHEEL_SPEEDS
+        if is_of_wheels and command.node.path in run_states(stage):
+            found.append((command, tuple(joints_commanded(command, velocity, stage))))
+    return tuple(found)
 
 
 def _units(node: Node, platform: Platform) -> UnitOf | None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.fold import absent_above, of_one_cause
 from lab3_usd.check.match.rule_inputs import (
@@ -292,17 +292,38 @@ def unresolved_target(subject: GraphsSubject) -> Iterator[Problem]:
 
     Example: `inputs:targetPrims` still names the old path of a link.
     """
-    problems = _unresolved_targets(subject)
+    problems = _unresolved_targets(subject, subject.nodes())
     if isinstance(subject, LintSubject):
         yield from of_one_cause(problems, "targets", subject.stage)
     else:
         yield from (problem for problem, _ in problems)
 
 
-def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]:
+@rule("G09", "left-graph", scope="stage", severity="warning", needs="optional checkpoints")
+def left_graph(subject: StageSubject) -> Iterator[Problem]:
+    """A graph that this checkpoint does not ask for names a prim that does not exist.
+
+    Why: the graph of an optional checkpoint stays, and its sensor is gone: the node logs an error
+    at each start, and its topics are silent.
+
+    Fix: delete the graph as well, or restore the prim.
+
+    Example: the graph of an optional camera whose prim was deleted.
+    """
+    lab, checkpoint = subject.lab, subject.checkpoint
+    done = lab.added_until(checkpoint.id).difference(checkpoint.graphs)
+    paths = {spec.path for name, spec in lab.graphs.items() if name in done}
+    for graph in subject.stage.graphs:
+        if graph.active and graph.path in paths and not checkpoint.is_removed(graph.path):
+            yield from (problem for problem, _ in _unresolved_targets(subject, graph.nodes))
+
+
+def _unresolved_targets(
+    subject: GraphsSubject | StageSubject, nodes: Iterable[Node]
+) -> Iterator[tuple[Problem, str]]:
     """Yield a problem for each target, and the prim whose absence is its cause."""
     is_module = isinstance(subject, LintSubject) and subject.is_module
-    for node in subject.nodes():
+    for node in nodes:
         for port, path in _judged_targets(node, subject):
             is_made = is_made_later(path, subject.stage)
             if is_made or subject.stage.prim(path) is not None:
@@ -323,7 +344,7 @@ def _unresolved_targets(subject: GraphsSubject) -> Iterator[tuple[Problem, str]]
             yield problem, absent_above(path, subject.stage)
 
 
-def _judged_targets(node: Node, subject: GraphsSubject) -> Iterator[tuple[str, str]]:
+def _judged_targets(node: Node, subject: GraphsSubject | StageSubject) -> Iterator[tuple[str, str]]:
     """Yield targets by port: all, or those of a list that may have more than the lab asks for."""
     spec = subject.spec_of(node) if isinstance(subject, GraphSubject) else None
     asked = {path for target in spec.targets for path in target.prims} if spec else ()

@@ -7,11 +7,11 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.articulations import Command, commands, driven_pairs, joints_commanded
+from lab3_usd.facts.articulations import driven_pairs
 from lab3_usd.facts.feeding import MisnamedPose, misnamed_poses
 from lab3_usd.facts.followed_bodies import followed_bodies
 from lab3_usd.facts.joined_bodies import joined_bodies
-from lab3_usd.facts.quantities import quantity_of
+from lab3_usd.facts.quantities import wheel_commands
 from lab3_usd.facts.wheels import axis_of_joint, disc_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import (
@@ -37,20 +37,6 @@ from lab3_usd.model.transforms import decompose, dot, rotate_vector
 _FASTEST = "physxJoint:maxJointVelocity"  # drive_rules.py:102 of Isaac Sim's own validation
 _APART, _ACROSS = -0.9, 0.5  # cosine of the angle between two axes
 _FLAT = 1.8  # widths of a wheel by its radius, from which on nothing tells its axis
-_WHEEL_SPEEDS = "speeds of wheels"
-
-
-@once_per_stage
-def _wheel_commands(subject: LintSubject) -> tuple[tuple[Command, tuple[Prim, ...]], ...]:
-    """Return the commands that a controller of wheels computes, with the joints of the wheels."""
-    found = []
-    for command in commands(subject.stage):
-        _, velocity, _ = command.ports.commands
-        given = quantity_of(command.node, velocity, subject.stage) if command.roots else None
-        if given is not None and given.name == _WHEEL_SPEEDS and subject.runs(command.node.path):
-            wheels = joints_commanded(command, velocity, subject.stage)
-            found.append((command, tuple(wheels)))
-    return tuple(found)
 
 
 @rule("K81", "robot-tied-to-world", scope="lint", severity="warning")
@@ -65,7 +51,7 @@ def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
     Example: `/World/robot/root_joint`, a fixed joint with `base_link` and no other body.
     """
     tied: set[str] = set()
-    for command, wheels in _wheel_commands(subject):
+    for command, wheels in wheel_commands(subject.stage):
         robot = _joined_bodies(subject.stage, wheels)
         for joint in working_joints_at(robot, subject.stage):
             sides = bodies(joint)
@@ -126,7 +112,7 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
     Example: `physics:upperLimit = 90` on the joint of a wheel.
     """
     judged: set[str] = set()
-    for command, wheels in _wheel_commands(subject):
+    for command, wheels in wheel_commands(subject.stage):
         for joint in wheels:
             if joint.path in judged:
                 continue
@@ -263,7 +249,7 @@ def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
     """
     turning = {
         wheel: joint.path
-        for _, wheels in _wheel_commands(subject)
+        for _, wheels in wheel_commands(subject.stage)
         for joint in wheels
         if (wheel := _wheel(joint, wheels, subject.stage)) is not None
     }
@@ -319,7 +305,7 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
     Example: `physics:localRot0` of the left wheel's joint is turned half a circle about Z.
     """
     judged: set[str] = set()
-    for command, wheels in _wheel_commands(subject):
+    for command, wheels in wheel_commands(subject.stage):
         for joint in wheels:
             if joint.path not in judged and _is_across(joint, wheels, subject.stage):
                 judged.add(joint.path)

@@ -10,7 +10,8 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.wheels import find_joint, has_no_joints, link_of, unknown_joints
-from lab3_usd.model.changes import ApplySchema, Restore
+from lab3_usd.facts.quantities import wheel_commands
+from lab3_usd.model.changes import ApplySchema, ClearValue, Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import (
     DRIVE,
@@ -20,7 +21,16 @@ from lab3_usd.model.joint_drives import (
     number_text,
     read_drive,
 )
-from lab3_usd.model.physics import AXIS, BODIES, LIMITS, USUAL_AXIS, bodies, number
+from lab3_usd.model.physics import (
+    AXIS,
+    BODIES,
+    FAR,
+    LIMITS,
+    USUAL_AXIS,
+    bodies,
+    joint_limits,
+    number,
+)
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import absence_reason
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -51,6 +61,7 @@ def described_joint(subject: RobotSubject) -> Iterator[Problem]:
 
     Why: commands go to joints by their names, and messages of their states name them. A joint with
     other limits stops elsewhere, one with a weaker drive sags, and one with a stiffer drive swings.
+    A wheel with limits stops there.
 
     Fix: undo the change of the joint, or start again from the supplied file. Limits and drive are
     in the Property panel under Physics.
@@ -75,6 +86,36 @@ def described_joint(subject: RobotSubject) -> Iterator[Problem]:
             yield _absent(subject, (name,), place, f"{name} {reason}")
         else:
             yield from _wrong_values(prim, name, spec, subject)
+    if not robot.wheels.joints:  # of which other rules speak
+        yield from _limited_wheels(subject)
+
+
+def _limited_wheels(subject: RobotSubject) -> Iterator[Problem]:
+    """Yield the joints of wheels that limits stop, where the lab says nothing of limits."""
+    robot, stage = subject.robot, subject.stage
+    driven = {
+        joint.path: (command.node.path, joint)
+        for command, wheels in wheel_commands(stage)
+        for joint in wheels
+        if subject.lab.scene.robot_of(joint.path) is robot
+    }
+    for path, (node, joint) in driven.items():
+        spec = robot.joints.get(joint.name)
+        low, high = joint_limits(joint.attributes)
+        if (spec is None or spec.limits is None) and (low > -FAR or high < FAR):
+            yield Problem(
+                path,
+                f"turns between {low:g} and {high:g} degrees only, but {node} drives it as a wheel",
+                LIMITS[0] if low > -FAR else LIMITS[1],
+                expected="no limits",
+                actual=f"{low:g} to {high:g}",
+                handout=robot.handout if spec is None else spec.handout,
+                hint=f"clear Lower Limit and Upper Limit of {path}",
+                related=(node,),
+                fix=tuple(ClearValue(path, name) for name in LIMITS),
+                unmet=() if spec is None else (f"{robot.group}/joint/{joint.name}",),
+                rests_on=stage.unknown(path),
+            )
 
 
 def _absent(subject: RobotSubject, names: tuple[str, ...], place: str, message: str) -> Problem:
