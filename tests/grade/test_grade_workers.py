@@ -615,7 +615,7 @@ def test_a_signal_that_ends_grading_gives_the_status_that_shells_show(
 
 
 def test_an_interrupt_waits_until_the_locks_of_the_answers_are_free_again(
-    monkeypatch: pytest.MonkeyPatch,
+    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     came_back = []
 
@@ -626,8 +626,8 @@ def test_an_interrupt_waits_until_the_locks_of_the_answers_are_free_again(
 
     monkeypatch.setattr(pool, "wait", interrupted_wait)
     inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
-    with ThreadPoolExecutor(1) as threads, pytest.raises(KeyboardInterrupt):
-        list(pool.run_in(lambda each: threads.submit(lambda: (each, {})), [task("well")], 1))
+    with pytest.raises(KeyboardInterrupt):
+        list(run_tasks([task("well")], odd))
     signal.signal(signal.SIGINT, inherited)
     assert came_back == [True]
 

@@ -154,12 +154,20 @@ def run_tasks(tasks: Iterable[Task], settings: PoolSettings) -> Generator[Answer
     Raises:
         WorkerError: workers cannot be started.
     """
-    pool = _ThreadPool(settings)
+    pool, waiting = _ThreadPool(settings), iter(tasks)
     # An interrupt in the caller's code does not close this generator before the program ends.
     atexit.register(pool.end)
     try:
-        # As many again wait, so that no worker is idle while the caller writes an answer.
-        yield from run_in(pool.submit, tasks, 2 * settings.jobs, pool.stop)
+        with interrupted_by_signals(pool.stop) as interrupt:
+            with interrupt.put_off():
+                # As many again wait, so that no worker is idle while the caller writes an answer.
+                pending = {pool.submit(task) for task in islice(waiting, 2 * settings.jobs)}
+            while pending:
+                with interrupt.put_off():
+                    done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
+                    pending.update(pool.submit(task) for task in islice(waiting, len(done)))
+                for future in done:
+                    yield future.result()
     finally:
         pool.end()
         atexit.unregister(pool.end)
@@ -180,20 +188,16 @@ class _ThreadPool:
         return self._executor.submit(self._judge, task)
 
     def _judge(self, task: Task) -> Answer:
+        """Judge a task, once more where it does not reach the judge."""
         slot = self._free.get()
         try:
-            return self._judge_twice(slot, task)
-        finally:
-            self._free.put(slot)
-
-    def _judge_twice(self, slot: WorkerSlot, task: Task) -> Answer:
-        """Judge a task, once more where it does not reach the judge."""
-        with suppress(UnreachedError):
-            return judge_with_retries(slot, task, lambda: self._is_stopped)
-        try:
+            with suppress(UnreachedError):
+                return judge_with_retries(slot, task, lambda: self._is_stopped)
             return judge_with_retries(slot, task, lambda: self._is_stopped)
         except UnreachedError as error:
             return task, {"failed": f"{TOOL_FAILED}: {error}"}
+        finally:
+            self._free.put(slot)
 
     def stop(self) -> None:
         """Have the threads leave what they are at; they look several times a second."""
@@ -204,28 +208,6 @@ class _ThreadPool:
         self._executor.shutdown(cancel_futures=True)
         for slot in self._slots:
             slot.stop()
-
-
-def run_in(
-    submit: Callable[[Task], Future[Answer]],
-    tasks: Iterable[Task],
-    at_once: int,
-    stop: Callable[[], None] = lambda: None,
-) -> Generator[Answer]:
-    """Submit tasks to an executor, `at_once` at a time, and yield answers as they come.
-
-    `stop` is called by the signals that interrupt the run.
-    """
-    waiting = iter(tasks)
-    with interrupted_by_signals(stop) as interrupt:
-        with interrupt.put_off():
-            pending = {submit(task) for task in islice(waiting, at_once)}
-        while pending:
-            with interrupt.put_off():
-                done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
-                pending.update(submit(task) for task in islice(waiting, len(done)))
-            for future in done:
-                yield future.result()
 
 
 class _Interrupt:
