@@ -54,6 +54,7 @@ props:
     targets: {"material:binding": [/Hall/Looks/Steel]}
     set: {size: 40, visibility: inherited, "semantics:labels:class": [crate]}
     apis: ["SemanticsLabelsAPI:class"]
+    variants: {finish: red}
     from: "2"
     until: {"2": {place: {x: 2, z: -1, within: 0.05}}}
   steel:
@@ -220,6 +221,11 @@ MISTAKES: dict[str, tuple[int, Change, tuple[str, str, str]]] = {
             "material:binding of Crate is /Hall/Looks/Wood, expected /Hall/Looks/Steel",
         ),
     ),
+    "another variant": (
+        2,
+        lambda s: s.GetPrimAtPath(CRATE).GetVariantSets().SetSelection("finish", "white"),
+        ("error", CRATE, "the finish of Crate is 'white', expected the variant 'red'"),
+    ),
     "a binding without its schema": (
         2,
         lambda s: s.GetPrimAtPath(CRATE).RemoveAppliedSchema("MaterialBindingAPI"),
@@ -255,6 +261,7 @@ def test_a_new_lab_describes_what_its_stages_add_and_change(course: Path, tmp_pa
     assert (said.count("pass, "), "left out" in said) == (3, False)
     props = load_lab(tmp_path / "lab").scene.props
     assert props["lamp"].until["2"].values == {"inputs:intensity": 500}
+    assert props["crate"].variants == {"finish": "red"}
     assert props["crate"].until["2"].place == PlaceSpec(2.0, 0.0, -1.0)
     assert props["steel"].connections == {"outputs:surface": (f"{SURFACE}.outputs:surface",)}
     assert props["surface"].values["inputs:roughness"] == 0.3

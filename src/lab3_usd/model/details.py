@@ -18,6 +18,11 @@ class Details:
         del path, name
         return False
 
+    def variant(self, path: str, variants: str) -> str:
+        """Return which one of a prim's set of variants is selected, '' for none."""
+        del path, variants
+        return ""
+
     def other_type(self, path: str, name: str, asked: str) -> tuple[str, str] | None:
         """Return the type that a layer gives an attribute, and the one in which it is read.
 

@@ -63,7 +63,13 @@ def describe_props(
     return Props(data, tuple(known | holders), tuple(dict.fromkeys(left_out)))
 
 
-_LISTED = ("apis", "set", "targets", "place")  # which a later checkpoint may add to a thing
+_LISTED = (
+    "apis",
+    "set",
+    "targets",
+    "variants",
+    "place",
+)  # which a later checkpoint may add to a thing
 
 
 def _state(thing: Thing) -> dict[str, Any]:
@@ -80,6 +86,7 @@ def _state(thing: Thing) -> dict[str, Any]:
         "apis": apis,
         "set": values,
         "targets": {name: list(paths) for name, paths in thing.targets.items() if paths},
+        "variants": thing.variants,
         "place": _place(place),
     }
     is_said = not is_plain or any(state.values())
@@ -164,7 +171,7 @@ def _described(
     return {**data, **({"until": until} if until else {})}
 
 
-_VALUES = ("set", "targets", "place")
+_VALUES = ("set", "targets", "variants", "place")
 
 
 def _changing(state: Mapping[str, Any], changed: Collection[tuple[str, str]]) -> dict[str, Any]:

@@ -42,6 +42,7 @@ class EarlierPropSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={"
 
     values: Mapping[str, Any] = {}
     targets: Mapping[str, tuple[str, ...]] = {}
+    variants: Mapping[str, str] = {}
     place: PlaceSpec | None = None
 
 
@@ -55,10 +56,11 @@ class PropSpec(
     {"semantics:labels:class": [rack]}}`. Values that no schema has need a type: `{type: "token[]",
     value: [rack]}`. A target that is a property is what an attribute is connected to:
     `"outputs:surface": [/Hall/Steel/Surface.outputs:surface]`. Things refer to the `asset`, named
-    by the end of its path (`props/rack.usd`), which can be found if they are `resolved`. A material
-    may be bound above them, and `visibility: inherited` means that nothing above hides them.
-    `build` makes those `from` a checkpoint on, or completes what is there; up to those in `until`
-    they have other values: `until: {"3": {set: {"inputs:intensity": 500}}}`.
+    by the end of its path (`props/rack.usd`), which can be found if they are `resolved`, and have
+    the `variants` of its sets: `{finish: red}`. A material may be bound above them, and
+    `visibility: inherited` means that nothing above hides them. `build` makes those `from` a
+    checkpoint on, or completes what is there; up to those in `until` they have other values:
+    `until: {"3": {set: {"inputs:intensity": 500}}}`.
     """
 
     path: str
@@ -68,6 +70,7 @@ class PropSpec(
     apis: tuple[str, ...] = ()
     targets: Mapping[str, tuple[str, ...]] = {}
     values: Mapping[str, Any] = {}
+    variants: Mapping[str, str] = {}
     place: PlaceSpec | None = None
     asset: str = ""
     resolved: bool = False
@@ -122,6 +125,7 @@ class PropSpec(
             self,
             values={**self.values, **earlier.values},
             targets={**self.targets, **earlier.targets},
+            variants={**self.variants, **earlier.variants},
             place=earlier.place or self.place,
         )
 

@@ -18,6 +18,7 @@ from lab3_usd.stage.read.properties import CENTIMETRES, plain_value, stage_numbe
 from lab3_usd.stage.schema_names import known_type
 
 _MOST = 16  # numbers of a value: the points of a mesh are nothing that a person asks for
+_SCALE = "xformOp:scale"
 _UNSAID = ("xformOp*", "extent", "extentsHint", "primvars:st*", "normals", "points", "faceVertex*")
 _UNSAID_TYPES = ("matrix", "quat", "timecode", "opaque", "group")
 
@@ -34,6 +35,7 @@ class Thing(Struct, frozen=True):
     apis: tuple[str, ...]
     values: dict[str, tuple[str, Value]]
     targets: dict[str, tuple[str, ...]]
+    variants: dict[str, str]
     place: Vector | None
     assets: tuple[str, ...]
     resolved: bool
@@ -88,6 +90,7 @@ class _Reader:
             apis=tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas()) if is_defined else (),
             values=dict(self._values(prim)),
             targets=dict(self._targets(prim)),
+            variants=_variants(own),
             place=(x * metres, y * metres, z * metres) if is_placed else None,
             assets=tuple(dict.fromkeys(name for _, name in _assets(own))),
             resolved=all(_is_there(*asset) for asset in _assets(own)),
@@ -95,7 +98,8 @@ class _Reader:
 
     def _said(self, properties: list[Any]) -> Iterator[Any]:
         for each in properties:
-            is_said = not any(fnmatchcase(each.GetName(), name) for name in self._unsaid)
+            is_unsaid = any(fnmatchcase(each.GetName(), name) for name in self._unsaid)
+            is_said = each.GetName() == _SCALE or not is_unsaid
             if is_said and self.is_own(each.GetPropertyStack()):
                 yield each
 
@@ -103,6 +107,8 @@ class _Reader:
         for attribute in self._said(prim.GetAuthoredAttributes()):
             kind = str(attribute.GetTypeName())
             value = plain_value(attribute.Get(), _MOST)
+            if (attribute.GetName(), value) == (_SCALE, (1.0, 1.0, 1.0)):
+                continue
             if value is not None and not kind.startswith(_UNSAID_TYPES):
                 is_known = known_type(prim, attribute.GetName()) is not None
                 yield attribute.GetName(), ("" if is_known else kind, value)
@@ -114,6 +120,12 @@ class _Reader:
             sources = tuple(map(str, attribute.GetConnections()))
             if sources:
                 yield attribute.GetName(), sources
+
+
+def _variants(specs: list[Any]) -> dict[str, str]:
+    """Return the variants that layers select, by their sets."""
+    chosen = [spec.variantSelections for spec in reversed(specs)]
+    return {name: choice for each in chosen for name, choice in each.items() if choice}
 
 
 def _assets(specs: list[Any]) -> Iterator[tuple[Sdf.Layer, str]]:

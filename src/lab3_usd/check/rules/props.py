@@ -38,6 +38,7 @@ def _parts(prop: PropSpec) -> Iterator[tuple[str, str]]:
     yield from ((api, "is applied") for api in prop.apis)
     yield from ((name, format_paths(paths)) for name, paths in prop.targets.items())
     yield from ((name, display(value)) for name, value in prop.plain_values.items())
+    yield from ((_variants(name), wanted) for name, wanted in prop.variants.items())
     yield from [(_PLACE, _place_text(prop.place))] if prop.place is not None else ()
 
 
@@ -229,6 +230,13 @@ def _faults(spec: PropSpec, prim: Prim, stage: StageModel) -> Iterator[_Fault]:
             yield from _wrong_visibility(value, prim, stage)
         else:
             yield from _wrong_value(name, value, spec.types.get(name, ""), prim, stage)
+    for name, wanted in spec.variants.items():
+        selected = stage.details.variant(prim.path, name)
+        if selected != wanted:
+            message = f"the {name} of {prim.name} is {display(selected or None)}"
+            message += f", expected the variant {display(wanted)}"
+            hint = f"select the variant {wanted} of {name} at {prim.path}"
+            yield _Fault(_variants(name), wanted, selected, (), message, hint)
     if spec.place is not None:
         yield from _wrong_place(spec.place, prim, stage)
 
@@ -321,6 +329,11 @@ def _in_units(name: str, stage: StageModel) -> str:
     if metres == 1 or _LENGTHS.match(name) is None:
         return ""
     return f" {_UNITS.get(metres, f'units of {metres:g} m')}"
+
+
+def _variants(name: str) -> str:
+    """Return how the part of a thing is called that a set of variants is."""
+    return f"variants: {name}"
 
 
 def _in_order(labels: Value | None) -> Value | None:

@@ -34,6 +34,11 @@ class StageDetails(Details):
         attribute = prim.GetAttribute(name) if prim else None
         return attribute is not None and attribute.GetTypeName() == Sdf.ValueTypeNames.Asset
 
+    def variant(self, path: str, variants: str) -> str:
+        """Return which one of a prim's set of variants is selected, '' for none."""
+        prim = prim_at(self._stage, path)
+        return str(prim.GetVariantSets().GetVariantSelection(variants)) if prim else ""
+
     def other_type(self, path: str, name: str, asked: str) -> tuple[str, str] | None:
         """Return the type that a layer gives an attribute, and the one in which it is read."""
         prim = prim_at(self._stage, path)

@@ -41,6 +41,8 @@ def author_props(
     for prop, prim in made:
         if prop.asset and prop.since == checkpoint.id:
             prim.GetReferences().AddReference(prop.asset)
+        for name, variant in prop.variants.items():
+            prim.GetVariantSets().AddVariantSet(name).SetVariantSelection(variant)
         connect_prim(stage, PrimSpec(str(prim.GetPath()), targets=tuple(prop.targets.items())))
         if prop.place is not None:
             _place(prim, prop.place, metres)
