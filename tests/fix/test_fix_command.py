@@ -493,7 +493,7 @@ def test_a_graph_whose_place_is_taken_is_offered_no_repair(tmp_path: Path) -> No
     path = saved(tmp_path, {"copy": [DRIVE, f"{DRIVE}_01"]}, {"deactivate": DRIVE})
     left, way = fix(path, "--in-place", "--unsafe").stdout.splitlines()[:2]
     assert left.startswith(f"left error G02 {DRIVE}_01: ")
-    assert way.startswith(f"    repair it by hand: delete what stands at {DRIVE} first")
+    assert way.startswith(f"    repair it by hand: delete the prim at {DRIVE} first")
 
 
 def test_a_renamed_graph_whose_wires_lead_to_its_right_path_is_one_mistake(tmp_path: Path) -> None:
@@ -501,6 +501,7 @@ def test_a_renamed_graph_whose_wires_lead_to_its_right_path_is_one_mistake(tmp_p
     path.write_text(path.read_text().replace('OmniGraph "ROS_Drive"', 'OmniGraph "Mine"'))
     listed = fix(path, "--unsafe").stdout.splitlines()
     assert listed[0].startswith(f"would repair G02 {ROBOT}/Mine: ")
+    assert listed[0].endswith("; 13 wires lead to its nodes there")
     assert listed[1].endswith(": 1 would be repaired, 0 left")
     assert_repaired(path, "--unsafe")
 

@@ -51,6 +51,7 @@ _OF_GRADE = re.compile(
 
 
 _NOTHING = Tables()
+_KINDS = ("points", "days late", "remarks")
 
 
 class ChangedGrade(Struct, frozen=True):
@@ -64,12 +65,12 @@ class ChangedGrade(Struct, frozen=True):
     def changes(self) -> tuple[str, ...]:
         """What of it is another: points, days late, remarks."""
         before, after = self.before, self.after
-        is_other = {
-            "points": (before.earned, before.possible) != (after.earned, after.possible),
-            "days late": (before.days_late or 0) != (after.days_late or 0),
-            "remarks": _words_by_hand(before) != _words_by_hand(after),
-        }
-        return tuple(name for name, is_so in is_other.items() if is_so)
+        are_other = (
+            (before.earned, before.possible) != (after.earned, after.possible),
+            (before.days_late or 0) != (after.days_late or 0),
+            _words_by_hand(before) != _words_by_hand(after),
+        )
+        return tuple(kind for kind, is_other in zip(_KINDS, are_other, strict=True) if is_other)
 
     @property
     def text(self) -> str:
@@ -99,7 +100,7 @@ class Regrade(Struct, frozen=True):
     def counts(self) -> str:
         """How many changed, and of how many what."""
         kinds = Counter(kind for grade in self.changed for kind in grade.changes)
-        of_kinds = ", ".join(f"{kind} of {count}" for kind, count in kinds.items())
+        of_kinds = ", ".join(f"{kind} of {kinds[kind]}" for kind in _KINDS if kinds[kind])
         return f"{len(self.changed)} changed{f' ({of_kinds})' if of_kinds else ''}"
 
 

@@ -6,12 +6,13 @@ from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
-from lab3_usd.check.match.rule_inputs import GraphSubject
+from lab3_usd.check.match.rule_inputs import GraphSubject, WireFault
 from lab3_usd.facts.endpoints import used_topics
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value, are_alike
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, RenderProduct, once_per_stage, same_value
 from lab3_usd.spec.graph import NodeSpec, Setting, Target, Variable, Wire
 
@@ -78,6 +79,21 @@ def rightly_fed(subject: GraphSubject) -> frozenset[tuple[str, str]]:
         if value is not None and asked.get((node.path, port), value == default):
             right.append((node.path, port))
     return frozenset(right)
+
+
+@once_per_stage
+def right_once_renamed(subject: GraphSubject) -> tuple[WireFault, ...]:
+    """Return the dead wires that lead to nodes of a graph by the path that it should have."""
+    graph, path = subject.roles.graph, subject.spec.path
+    if graph is None or graph.path == path:
+        return ()
+    dead = (fault for fault in subject.wire_faults if fault.kind == "dead" and fault.actual)
+    return tuple(
+        fault
+        for fault in dead
+        if is_at_or_below(prim := str(fault.actual).rpartition(".")[0], path)
+        and f"{graph.path}{prim.removeprefix(path)}" in subject.live_nodes
+    )
 
 
 @once_per_stage

@@ -191,26 +191,19 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
     Example: `make_array.inputs:input0` connected to `constant_left_joint.outputs:value`.
     """
     from lab3_usd.check.demands import with_demand
+    from lab3_usd.check.match.conformance import right_once_renamed
     from lab3_usd.check.message_suffixes import without_wire
 
     for fault, wire in _faults(subject, "dead"):
         problem = _dead_wire(fault, wire, subject)
         message = f"{problem.message}, expected {short_source(fault.expected)}"
         message += without_wire(subject, fault.wire)
-        if _is_right_once_renamed(wire, subject):
+        if fault in right_once_renamed(subject):
             problem = replace(problem, assumes=(*problem.assumes, (subject.spec.path, None)))
         yield with_demand(
             replace(problem, message=message, hint=connect_hint(fault)),
             subject,
         )
-
-
-def _is_right_once_renamed(wire: Connection, subject: GraphSubject) -> bool:
-    """Whether a wire leads to a node of its graph by the path that the graph should have."""
-    graph, path = subject.roles.graph, subject.spec.path
-    if graph is None or graph.path == path or not wire.source_prim.startswith(f"{path}/"):
-        return False
-    return f"{graph.path}{wire.source_prim.removeprefix(path)}" in subject.live_nodes
 
 
 @rule("W11", "leftover-wire", scope="graph", severity="warning")

@@ -6,7 +6,7 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
-from lab3_usd.check.match.conformance import is_variable_met
+from lab3_usd.check.match.conformance import is_variable_met, right_once_renamed
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.model.changes import Activate, AddGraph, Edit, MovePrim, RemovePrim, SetType, SetValue
@@ -124,11 +124,15 @@ def misplaced_graph(subject: GraphSubject) -> Iterator[Problem]:
             message += f", where {standing} is"
             what = "move" if standing == _ANOTHER else "delete"
             hint = f"{what} the prim at {spec.path} first, then {hint}"
+        mended = [fault.wire for fault in right_once_renamed(subject) if fault.wire]
+        if mended:
+            message += f"; {len(mended)} wire{'s' * (len(mended) > 1)} lead to its nodes there"
         yield Problem(
             prim=graph.path,
             message=message,
             expected=spec.path,
             actual=graph.path,
+            unmet=tuple(f"{spec.name}/wire/{wire.target.short}" for wire in mended),
             handout=spec.handout,
             hint=hint,
             related=() if standing is None else (spec.path,),
