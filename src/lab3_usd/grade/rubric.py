@@ -89,7 +89,7 @@ class Cap(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class Late(Struct, frozen=True, forbid_unknown_fields=True):
-    """The share that a late submission may earn, the one that each day takes, and further students.
+    """The share that a late submission may earn, the one that each day costs, and further students.
 
     The days are those that a grader adds by hand.
     """

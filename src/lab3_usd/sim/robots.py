@@ -91,7 +91,8 @@ def robots_of(
     listening = listening_robots(scene, platform, standing)
     topics = sorted({robot.commands.topic for robot in listening})
     if topic and topic not in topics:
-        raise UsageError(f"--topic {topic}: moves no robot; robots listen to {topics or 'nothing'}")
+        names = ", ".join(topics) or "nothing"
+        raise UsageError(f"--topic {topic}: moves no robot; robots listen to {names}")
     robots: dict[tuple[str, str, int], Robot] = {}
     for robot in sorted(listening, key=lambda robot: robot.kind != TWIST):
         key = (robot.name, robot.commands.topic, robot.commands.domain)

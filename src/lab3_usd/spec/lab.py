@@ -183,9 +183,9 @@ class FrameSpec(Struct, frozen=True, dict=True, forbid_unknown_fields=True):
     """The TF tree.
 
     Frames may also be deeper below `deeper_under` than the edges say, as in a joint tree. `names`
-    are the frames of prims that an `isaac:nameOverride` names otherwise than their prims, by path.
-    Robots in namespaces of their own, whose frames may have the same names, have `trees` in place
-    of `edges`: `trees: [{topic: /r1/tf, edges: [odom -> base]}, {topic: /r2/tf, edges: [...]}]`.
+    are the frames of prims with an `isaac:nameOverride`, by path. Robots in namespaces of their
+    own, whose frames may have the same names, have `trees` in place of `edges`: `trees: [{topic:
+    /r1/tf, edges: [odom -> base]}, {topic: /r2/tf, edges: [...]}]`.
     """
 
     handout: str

@@ -15,7 +15,7 @@ _OUTPUT = "outputs:"
 
 
 class PlaceSpec(Struct, frozen=True, forbid_unknown_fields=True):
-    """Where the origin of a thing is in the world, whatever it stands below: `{x: 1.2, y: 0}`.
+    """Where the origin of a thing is in the world, whatever its parents: `{x: 1.2, y: 0}`.
 
     An axis that is left out is free; the others are met `within` so many metres.
     """

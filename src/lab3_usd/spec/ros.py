@@ -174,8 +174,8 @@ class ParameterDemand(Struct, frozen=True, forbid_unknown_fields=True):
 
     `nodes` are all where none is named. Each number of a list is meant; `ends_above` means the
     first and the last. `like` names the value here that a topic must be, `at_most_of` a parameter
-    of the same node, `unless` one that counts instead where it is not empty. With `unset`, the
-    default of the node is no better.
+    of the same node, `unless` one that counts instead if it is not empty. With `unset`, the default
+    of the node is wrong, too.
     """
 
     names: tuple[str, ...]

@@ -79,8 +79,8 @@ class ArticulationSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class LinkSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A link of the robot.
 
-    With `offset: [0, 0, 0.2]` it stands there on the robot in the first checkpoint, and its joint
-    holds it there. One that is `held` must not move on the robot; a base is fixed to the world.
+    With `offset: [0, 0, 0.2]` it is there on the robot in the first checkpoint, and its joint holds
+    it there. One that is `held` must not move on the robot; a base is fixed to the world.
     """
 
     handout: str
@@ -110,7 +110,7 @@ class WheelSpec(Struct, frozen=True, forbid_unknown_fields=True):
 class JointSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """A joint of the robot that turns no wheel, by its name.
 
-    It ties two links, '' for the world. `limits` are degrees of a revolute joint, metres of a
+    It connects two links, '' for the world. `limits` are degrees of a revolute joint, metres of a
     prismatic one, and -.inf and .inf where it has none; the values of its drive are as the editor
     shows them.
     """
@@ -303,10 +303,10 @@ class KeptValue(Struct, frozen=True, forbid_unknown_fields=True):
 class ScanSpec(Struct, frozen=True, forbid_unknown_fields=True):
     """Values with which a lidar gives another scan.
 
-    `circle` limits the azimuth, which is a full
-    circle from `whole` on. `emitters` begins the names of lists with an entry for each emitter;
-    `elevation` ends the name of their angles, whose limit is `level`. Values in `keep` must not
-    change; `ranges` names the near and far range, between which something stands at the start.
+    `circle` limits the azimuth, which is a full circle from `whole` on. `emitters` begins the names
+    of lists with an entry for each emitter; `elevation` ends the name of their angles, whose limit
+    is `level`. Values in `keep` must not change; `ranges` names the near and far range, between
+    which there is something at the start.
     """
 
     GONE: ClassVar[Mapping[str, str]] = dict.fromkeys(

@@ -50,7 +50,7 @@ class LabGraph(Struct, forbid_unknown_fields=True):
 
 
 class LabTypesFile(Struct, forbid_unknown_fields=True):
-    """What a lab adds to the node types and graphs of Isaac Sim, or has otherwise.
+    """What a lab adds to the node types and graphs of Isaac Sim, or changes.
 
     Tables are extended key by key. `type_names` gives a type, and `port_names` a `TYPE.PORT`, the
     name that it has in a release, by release; `renamed` are other names of types. An entry of a

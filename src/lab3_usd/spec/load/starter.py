@@ -57,7 +57,7 @@ class PrimSpec(Struct, frozen=True):
 
 
 class PrimEntry(Struct, forbid_unknown_fields=True):
-    """A prim; `like` names a kind whose keys it takes over.
+    """A prim; `like` names a kind whose keys it copies.
 
     `set` has values as USD has them: lengths in units of the stage.
     """
