@@ -33,10 +33,10 @@ def present_prim(path: str, stage: StageModel, option: str, named: Sequence[str]
     if missing is not None:
         raise UsageError(f"{option} {path}: {missing.asset} cannot be found, which could hold it")
     near = likely_name(path, [prim.path for prim in stage.prims.values() if prim.present])
-    by_name = {known.rpartition("/")[2]: known for known in named}
+    by_name = {robot_path.rpartition("/")[2]: robot_path for robot_path in named}
     near = near or by_name.get(likely_name(path.rpartition("/")[2], by_name) or "")
-    others = did_you_mean(near) or (f"; robots: {', '.join(named)}" if named else "")
-    raise UsageError(f"{option} {path}: there is no such prim{others}")
+    advice = did_you_mean(near) or (f"; robots: {', '.join(named)}" if named else "")
+    raise UsageError(f"{option} {path}: there is no such prim{advice}")
 
 
 def choose_robot(stage: StageModel, options: Options, need: str = "") -> Robot:

@@ -91,9 +91,9 @@ def reading_for(path: Path) -> Config:
     table = read_table(file)
     given = {key: table[key] for key in ("lab", "assets", "parameters") if key in table}
     if "rules" in table and isinstance(given.get("parameters"), dict):
-        known = {*all_rules(), *map(str.upper, rule_names())}
+        rule_words = {*all_rules(), *map(str.upper, rule_names())}
         numbers = given["parameters"].items()
-        given["parameters"] = {name: each for name, each in numbers if name.upper() in known}
+        given["parameters"] = {name: each for name, each in numbers if name.upper() in rule_words}
     try:
         return _config_of(file, given)
     except UsageError as error:

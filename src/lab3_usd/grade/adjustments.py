@@ -220,7 +220,7 @@ def _late(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, Adjustment]:
         )
     _need(lines, (_STUDENT,))
     _need_price(rubric, f"{lines.path}:")
-    found: dict[str, Adjustment] = {}
+    late_by_student: dict[str, Adjustment] = {}
     for row in lines.table.lines:
         place = lines.place(row)
         name = lines.value(row, _STUDENT)
@@ -228,10 +228,12 @@ def _late(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, Adjustment]:
         if days is None or (not days and not roll.called(name)):
             continue  # who did not hand in is in the table too
         student = roll.student(name, place)
-        if student in found:
-            raise UsageError(f"{place}: {student} is in line {found[student].line} too")
-        found[student] = Adjustment("", None, is_change=False, line=lines.line(row), days=days)
-    return found
+        if student in late_by_student:
+            raise UsageError(f"{place}: {student} is in line {late_by_student[student].line} too")
+        late_by_student[student] = Adjustment(
+            "", None, is_change=False, line=lines.line(row), days=days
+        )
+    return late_by_student
 
 
 def _days(lines: _Lines, row: int, place: str) -> int | None:

@@ -87,10 +87,10 @@ def faults_in_dry_run(
             trial = play.recorded(scene, lab.platform)
             checks = joint_checks(play, trial, scene)
             wrong = [check for check in checks if check.verdict == "bad"]
-            found = {name: c.text for c in wrong for name in (c.name, c.kind) if name}
+            texts = {name: c.text for c in wrong for name in (c.name, c.kind) if name}
         else:
-            found = _shown(_briefly(play, scene, lab.platform, later), scene)
-        for name, text in found.items():
+            texts = _shown(_briefly(play, scene, lab.platform, later), scene)
+        for name, text in texts.items():
             shown.setdefault(name, text)
             if play.name and not name.startswith("/"):
                 shown[f"{play.name}: {name}"] = text
@@ -102,8 +102,8 @@ def _briefly(play: Play, scene: Scene, platform: Platform, later: _Later) -> Tri
     short = play
     if play.robot is None:
         short = replace(play, drive=drive_of(_DRIVE, play.wanted.limits))
-    known = later.get((short.name, short.drive))
-    player = held_play(scene, short.wanted, *known, platform) if known is not None else None
+    sessions = later.get((short.name, short.drive))
+    player = held_play(scene, short.wanted, *sessions, platform) if sessions is not None else None
     if player is None:
         player = played(scene, platform, short.drive, short.wanted)
         later[short.name, short.drive] = player, short.wanted

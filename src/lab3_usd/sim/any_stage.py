@@ -91,27 +91,27 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
     """
     standing = standing_of(scene, has_ground=True)
     shown = shown_plays(scene, platform, standing, drive, topic)
-    known = shown[0].among
+    all_robots = shown[0].among
     robots = tuple(play.robot for play in shown if play.robot is not None)
     plays: list[Judged] = []
-    graphs_of = owned_graphs(known, scene)
+    graphs_of = owned_graphs(all_robots, scene)
     for number, play in enumerate(shown):
         robot = play.robot
         # The first play shows all topics; the others, what concerns their robot.
         part = scene_for(robot, graphs_of, scene, platform) if robot and number else scene
         trial = play.recorded(part, platform, standing)
-        checks = _robot_checks(robot, known, trial, scene) if robot is not None else ()
+        checks = _robot_checks(robot, all_robots, trial, scene) if robot is not None else ()
         plays.append(Judged(play.name, trial, tuple(checks)))
         if number:
             trial.recording.forget_messages()
     first = plays[0].trial
-    whole = [*_stage_checks(first, known)]
-    if any(rival(robot, known) for robot in robots):
-        whole.append(verdict("commands", list(commanded_once(known)), first))
+    whole = [*_stage_checks(first, all_robots)]
+    if any(rival(robot, all_robots) for robot in robots):
+        whole.append(verdict("commands", list(commanded_once(all_robots)), first))
     failures = list(_failing(plays, whole))
     if failures:
-        others = [check for check in whole if check.name != "graphs"]
-        whole = [verdict("graphs", [*graphs(first), *failures], first), *others]
+        rest = [check for check in whole if check.name != "graphs"]
+        whole = [verdict("graphs", [*graphs(first), *failures], first), *rest]
     return Played(robots, tuple(plays), tuple(whole))
 
 

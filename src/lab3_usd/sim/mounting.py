@@ -24,18 +24,13 @@ _BASELINE, _ASIDE = 0.5, 0.005  # metres between the cameras of a stereo pair, a
 _Seen = Scan | View | Points
 
 
-def _seen(message: Message) -> tuple[str, Affine] | None:
-    """Return the sensor of a message and where it is, None where that is unknown."""
-    data = message.data
-    is_known = isinstance(data, _Seen) and data.sensor and data.place is not None
-    return (data.sensor, data.place) if is_known else None
-
-
 def streams(messages: Sequence[Message]) -> dict[tuple[int | None, str], list[Message]]:
-    """Return the messages of sensors in the first session, by domain and topic."""
+    """Return what placed sensors sent in the first session, by domain and topic."""
     by_topic: dict[tuple[int | None, str], list[Message]] = {}
     for message in messages:
-        if not message.session and _seen(message) is not None:
+        data = message.data
+        is_placed = isinstance(data, _Seen) and data.sensor and data.place is not None
+        if not message.session and is_placed:
             by_topic.setdefault((message.away, message.topic), []).append(message)
     return by_topic
 

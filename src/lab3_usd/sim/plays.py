@@ -90,8 +90,8 @@ def asked_plays(
 def _may_go_otherwise(scene: Scene, lab: Lab) -> bool:
     """Whether a node has an input that only controllers of cars, or of rollers, have."""
     types = {node.type for graph in scene.graphs for node in graph.nodes}
-    known = [kind for kind in map(lab.platform.get, types) if kind is not None]
-    return any(kind.port(INPUT + name) for kind in known for name in (ROLLERS, WHEEL_BASE))
+    node_types = [kind for kind in map(lab.platform.get, types) if kind is not None]
+    return any(kind.port(INPUT + name) for kind in node_types for name in (ROLLERS, WHEEL_BASE))
 
 
 def shown_plays(
@@ -144,5 +144,5 @@ def _watched(wanted: Expected, name: str, scene: Scene, lab: Lab) -> Expected:
         return wanted
     bodies = [path for path, prim in scene.prims.items() if BODY_API in prim.apis]
     own = sorted(path for path in bodies if stands_within(path, robot.path))
-    known = (path for path in (robot.base, *robot.link_paths, *own) if path in bodies)
-    return replace(wanted, robot=next(known, robot.base))
+    body_paths = (path for path in (robot.base, *robot.link_paths, *own) if path in bodies)
+    return replace(wanted, robot=next(body_paths, robot.base))

@@ -68,8 +68,8 @@ def judge_any_recording(
         layout, bounds = layout_at(recording), Bounds()
         with opened(layout, bounds) as bag:
             kinds = dict(bag.topics)
-        found = robots_in(kinds, {*commanded, *_usual_commands(platform, kinds)})
-        robots = {robot.name if found[1:] else "": robot for robot in found}
+        recorded = robots_in(kinds, {*commanded, *_usual_commands(platform, kinds)})
+        robots = {robot.name if recorded[1:] else "": robot for robot in recorded}
         asked = {name: _topics_of(each, kinds, len(robots)) for name, each in robots.items()}
         readings = read_by_name(layout, bounds, asked)
     except (RecordingError, OSError) as error:
