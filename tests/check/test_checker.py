@@ -163,7 +163,7 @@ def test_a_rule_that_crashes_is_never_a_pass(tmp_path: Path) -> None:
     result = check_stage(path)
     (crash,) = result.crashes
     assert crash.rule == "W99"
-    assert crash.error.startswith("KeyError: 'no such thing', at own_rules.py:")
+    assert crash.error.startswith("KeyError: 'no such thing', at linting.py:")
     assert result.verdict == "fail"
 
 

@@ -234,7 +234,7 @@ def test_a_rule_that_fails_is_said_and_the_pictures_are_written(
     add_failing_rule("W99", "graph", KeyError, "x")
     result = draw(clock.GetRootLayer().realPath, "-o", tmp_path / "out")
     assert result.exit_code == cli.EXIT_CRASH
-    assert result.stderr.startswith("lab3: rule W99 failed: KeyError: 'x', at own_rules.py:")
+    assert result.stderr.startswith("lab3: rule W99 failed: KeyError: 'x', at linting.py:")
     assert Path(result.stdout.strip()).exists()
 
 

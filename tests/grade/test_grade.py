@@ -584,7 +584,7 @@ def test_a_system_without_walls_is_said_once_and_in_the_gradebook(
     out = tmp_path / "book"
     settings = ClassSettings(tmp_path / "class", starter(), out, notify=said.append)
     grade_class(replace(settings, runner=run_open))
-    (line_,) = [line for line in said if "wall" in line]
+    (line_,) = [line for line in said if "sandbox layers" in line]
     assert "files (Landlock" in line_
     assert "network (" in line_
     missing = set(json.loads((out / "grades.json").read_text())["unconfined"])

@@ -176,7 +176,7 @@ def test_a_rule_that_fails_is_a_crash_over_its_file(course: GradingSetup, tmp_pa
     assert found["status"] == "crashed"
     assert found["crashes"]
     assert re.match(
-        rf"work/{stage('00').name}: rule S99 failed \(KeyError: 'x', at own_rules.py:",
+        rf"work/{stage('00').name}: rule S99 failed \(KeyError: 'x', at linting.py:",
         found["reason"],
     )
 
