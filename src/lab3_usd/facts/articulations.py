@@ -98,7 +98,8 @@ def _commands(stage: StageModel) -> Iterator[Command]:
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
         names = listed_names(node, ports.joints, live) or _found_joints(node, ports.joints, stage)
-        is_by_number = _has_indices(node, ports, stage) and not unused_indices(node, ports, stage)
+        is_numbered = node.sources(ports.indices) or effective_value(node, ports.indices, live)
+        is_by_number = bool(is_numbered) and not unused_indices(node, ports, stage)
         yield Command(
             node=node,
             ports=ports,
@@ -137,13 +138,6 @@ def _found_joints(node: Node, port: str, stage: StageModel) -> tuple[str, ...] |
         below = stage.below(robot)
         return tuple(prim.name for prim in below if listing.attribute in prim.attributes)
     return listed_names(node, port, live)
-
-
-def _has_indices(node: Node, ports: DrivePorts, stage: StageModel) -> bool:
-    """Whether joints are picked by number, as far as anything is wired or set."""
-    return bool(node.sources(ports.indices)) or bool(
-        effective_value(node, ports.indices, live_nodes(stage))
-    )
 
 
 def unused_indices(node: Node, ports: DrivePorts, stage: StageModel) -> Value | None:

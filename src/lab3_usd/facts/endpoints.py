@@ -90,26 +90,23 @@ def is_maker(node: Node) -> bool:
 
 
 def read_profile(text: str) -> Qos | None:
-    """Read a profile written as JSON; None where Isaac Sim would refuse it."""
+    """Read a profile written as JSON; None where Isaac Sim would refuse it.
+
+    It asks for times with a point and the depth without one. Source: `Ros2QoS.h:247-253` of 6.0.1,
+    the same in 5.0 and 5.1.
+    """
     import json
 
     try:
         data = json.loads(text)
     except (ValueError, RecursionError):
         return None
-    if not isinstance(data, dict) or not _is_strict(data):
+    if not isinstance(data, dict) or not isinstance(data.get(_DEPTH), int):
+        return None
+    times = [data.get(name) for name in _NUMBERS if name != _DEPTH]
+    if not all(isinstance(time, float) and math.isfinite(time) for time in times):
         return None
     return _profile(data)
-
-
-def _is_strict(data: Mapping[str, object]) -> bool:
-    """Whether numbers are written as Isaac Sim asks: times with a point, the depth without one.
-
-    Source: `Ros2QoS.h:247-253` of 6.0.1, the same in 5.0 and 5.1.
-    """
-    times = (data.get(name) for name in _NUMBERS if name != _DEPTH)
-    is_finite = all(isinstance(time, float) and math.isfinite(time) for time in times)
-    return is_finite and isinstance(data.get(_DEPTH), int)
 
 
 def _profile(data: Mapping[str, object]) -> Qos | None:
@@ -278,7 +275,13 @@ def _is_at_work(node: Node, port: str, live: Nodes, running: Nodes) -> bool:
     needs = node.type is not None and product in node.type.ports
     is_on = is_switched_on(node, live) and not is_refused(node, live)
     is_fed_otherwise = node.has_port(_VIEWPORT) and _is_fed(node, _VIEWPORT, live)
-    has_sensor = not needs or is_fed_otherwise or _fed_by_sensor(node, product, running)
+    # A render product reaches a node from one that runs, or by name.
+    is_fed = (
+        any(is_switched_on(source, running) for source, _ in live_sources(node, product, running))
+        if node.sources(product)
+        else bool(node.value(product)) or node.is_unknown(product)
+    )
+    has_sensor = not needs or is_fed_otherwise or is_fed
     return node.path in running and is_on and has_sensor
 
 
@@ -370,10 +373,3 @@ def _is_fed(node: Node, port: str, live: Nodes) -> bool:
     """Whether an input that is empty by default gets anything, by wire or as a value."""
     value = effective_value(node, port, live)
     return value is None or value not in ("", ())
-
-
-def _fed_by_sensor(node: Node, port: str, running: Nodes) -> bool:
-    """Whether a render product reaches the node: from a node that runs, or by name."""
-    if not node.sources(port):
-        return bool(node.value(port)) or node.is_unknown(port)
-    return any(is_switched_on(source, running) for source, _ in live_sources(node, port, running))

@@ -5,7 +5,7 @@ Everything that asks whether something happens asks here: rules, topics, frames 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Container, Iterable, Iterator, Mapping
+from collections.abc import Callable, Container, Iterator, Mapping
 from functools import lru_cache
 from typing import Literal
 
@@ -13,7 +13,6 @@ from lab3_usd.facts.reaching_values import (
     LiveNodes,
     Nodes,
     Sources,
-    Variables,
     effective_value,
     live_sources,
 )
@@ -35,14 +34,11 @@ _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
 def live_nodes(stage: StageModel) -> LiveNodes:
     """Return the nodes of all active graphs by path, leaving out what the application made."""
     graphs = [g for g in stage.graphs if g.active and not stage.platform.graph.ignores(g.path)]
-    return LiveNodes((node for graph in graphs for node in graph.nodes), _variables(graphs))
-
-
-def _variables(graphs: Iterable[GraphModel]) -> Variables:
-    """Return the attributes of graphs that hold variables, by graph; none where a node sets one."""
-    types = {node.type for graph in graphs for node in graph.nodes if node.type}
-    is_set = any(kind.variable and kind.execution_inputs for kind in types)
-    return {} if is_set else {graph.path: graph.attributes for graph in graphs}
+    nodes = [node for graph in graphs for node in graph.nodes]
+    kinds = {node.type for node in nodes if node.type}
+    # Where a node sets variables of graphs, what a graph holds of them is not what is read.
+    is_set = any(kind.variable and kind.execution_inputs for kind in kinds)
+    return LiveNodes(nodes, {} if is_set else {graph.path: graph.attributes for graph in graphs})
 
 
 @once_per_stage

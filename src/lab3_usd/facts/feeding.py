@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
 
@@ -109,7 +109,7 @@ def misnamed_poses(stage: StageModel) -> tuple[MisnamedPose, ...]:
 
 def _misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
     live, bodies = live_nodes(stage), joined_bodies(stage)
-    known = frame_prims(stage)
+    prims_of = frame_prims(stage)
     moving: dict[tuple[str, str], set[str]] = {}  # by domain and frame: what it moves with
     starts: dict[tuple[str, str], dict[Vector, None]] = {}  # and where it stands
     followers = {followed.node.path: followed for followed in followed_bodies(stage)}
@@ -121,7 +121,7 @@ def _misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
         name = effective_value(end.node, frames[1], live)
         name = tf2_name(name) if isinstance(name, str) else ""
         key = (end.domain.name, name)
-        prims = known.get(key, ())
+        prims = prims_of.get(key, ())
         for node in feeding_nodes(end.node, live) if prims else ():
             followed = followers.get(node.path)
             body = None if followed is None else followed.body
@@ -129,18 +129,14 @@ def _misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
                 continue
             if key not in moving:
                 moving[key] = set(map(bodies.rigid_of, prims))
-                starts[key] = _starts(prims, stage)
+                ends = [stage.prim(path) for path in prims]
+                worlds = [end.world for end in ends if end is not None and end.world is not None]
+                is_known = len(worlds) == len(prims)
+                starts[key] = dict.fromkeys(map(_start, worlds)) if is_known else {}
             if bodies.rigid_of(body.path) not in moving[key]:
                 yield MisnamedPose(followed, end.node.path, name, prims[0])
             elif away := _away(body, starts[key], stage):
                 yield MisnamedPose(followed, end.node.path, name, prims[0], away)
-
-
-def _starts(paths: Iterable[str], stage: StageModel) -> dict[Vector, None]:
-    """Return where prims stand, nothing where it is not known of one."""
-    prims = [stage.prim(path) for path in paths]
-    worlds = [prim.world for prim in prims if prim is not None and prim.world is not None]
-    return dict.fromkeys(map(_start, worlds)) if len(worlds) == len(prims) else {}
 
 
 def _start(world: Matrix) -> Vector:

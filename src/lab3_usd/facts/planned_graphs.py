@@ -156,17 +156,13 @@ def extension(graph: Graph, shared: frozenset[str], own: Likeness, model: StageM
         for role, node in own.node_of.items()
         if role in shared and _serves(role, graph, own, model)
     }
-    there = {n.name for g in model.graphs if g.path == own.path for n in g.nodes}
-    there |= {
-        prim.path.rpartition("/")[2]
-        for g in model.graphs
-        if g.path == own.path
-        for prim in g.absent
-    }
+    held = next(held for held in model.graphs if held.path == own.path)
+    taken = {node.name for node in held.nodes}
+    taken |= {prim.path.rpartition("/")[2] for prim in held.absent}
     renamed = dict(names)
     for role in graph.nodes:
         if role not in names:
-            renamed[role] = _free(role, {*there, *renamed.values()})
+            renamed[role] = _free(role, {*taken, *renamed.values()})
     nodes = {
         renamed[role]: replace(node, role=renamed[role])
         for role, node in graph.nodes.items()
@@ -181,19 +177,10 @@ def extension(graph: Graph, shared: frozenset[str], own: Likeness, model: StageM
         for wire in graph.wires
         if wire.target.role not in names
     )
-    places = _below(placed(nodes, wires), own, model)
-    return Graph(
-        own.path, {role: replace(n, place=places[role]) for role, n in nodes.items()}, wires
-    )
-
-
-def _below(
-    places: dict[str, tuple[float, float]], own: Likeness, model: StageModel
-) -> dict[str, tuple[float, float]]:
-    """Return places below all that a graph has already in the graph editor."""
-    graph = next(found for found in model.graphs if found.path == own.path)
-    lowest = max((node.position[1] for node in graph.nodes if node.position), default=-_ROW)
-    return {role: (x, y + lowest + _ROW) for role, (x, y) in places.items()}
+    there = [node.position[1] for node in held.nodes if node.position]
+    offset = max(there, default=-_ROW) + _ROW  # below all that the graph has in the graph editor
+    at = {role: (x, y + offset) for role, (x, y) in placed(nodes, wires).items()}
+    return Graph(own.path, {role: replace(n, place=at[role]) for role, n in nodes.items()}, wires)
 
 
 _ROW = 200.0  # units of the graph editor

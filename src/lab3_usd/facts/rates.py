@@ -10,7 +10,6 @@ from lab3_usd.facts.render_products import sensor_of
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import PRODUCT
-from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel
 
 _SKIPPED = "inputs:frameSkipCount"  # frames of the sensor that a helper leaves out after each
@@ -27,7 +26,9 @@ def rate_source(node: Node, stage: StageModel, running: Nodes, *, static: bool) 
         return f"once after {event}"
     sensor = _camera_named(node, stage, running) or sensor_of(node, running)
     prim = None if sensor is None else stage.prim(sensor)
-    rate = 0.0 if prim is None else _rate(prim, stage)
+    rate = 0.0  # for every frame
+    if prim is not None:
+        rate = values_of(prim, stage).number(stage.platform.sensor_models.lidar.rate) or 0.0
     skipped = effective_value(node, _SKIPPED, running)
     rate /= skipped + 1 if isinstance(skipped, int) and skipped > 0 else 1
     return f"sensor at {rate:g} Hz" if rate > 0 else event
@@ -44,11 +45,6 @@ def _camera_named(node: Node, stage: StageModel, live: Nodes) -> str | None:
         if len(named) == 1 and named[0] in stage.products:
             return stage.products[named[0]].camera or None
     return None
-
-
-def _rate(prim: Prim, stage: StageModel) -> float:
-    """Return the sensor's own rate: as written, else what its schema takes; 0 for every frame."""
-    return values_of(prim, stage).number(stage.platform.sensor_models.lidar.rate) or 0.0
 
 
 def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:

@@ -172,25 +172,24 @@ class Robot(Struct, frozen=True, eq=False):
 @once_per_stage
 def robots(stage: StageModel) -> tuple[Robot, ...]:
     """Return the robots of a stage: those with an articulation in its order, then the others."""
-    found = [_articulated(prim, stage) for prim in _roots(stage)]
-    links = {link for robot in found for link in robot.links}
+    found: list[Robot] = []
+    for root in _roots(stage):
+        is_link = root.path in rigid_bodies(stage)
+        links = [root.path] if is_link else bodies_below(stage, root.path)
+        found.append(_robot(root.path, root.path, links, stage))
+    articulated = {link for robot in found for link in robot.links}
     joined = joined_bodies(stage)
     groups: dict[str, list[str]] = {}
     for path, first in joined.robots.items():
         groups.setdefault(first, []).append(path)
     for first, paths in groups.items():
-        if len(paths) > 1 and links.isdisjoint(paths):
+        if len(paths) > 1 and articulated.isdisjoint(paths):
             found.append(_robot("", first, paths, stage))
     return tuple(replace(robot, sensors=tuple(_sensors_of(robot, stage))) for robot in found)
 
 
 def _roots(stage: StageModel) -> list[Prim]:
     return [prim for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
-
-
-def _articulated(root: Prim, stage: StageModel) -> Robot:
-    inside = [root.path] if root.path in rigid_bodies(stage) else []
-    return _robot(root.path, root.path, inside or bodies_below(stage, root.path), stage)
 
 
 class _Tie(Struct, frozen=True, eq=False):
@@ -338,8 +337,11 @@ def _wheels(
     wheels = []
     for joint, axle, radius, shape in rolling:
         pivots = [*_pivots(joint, joints_of, by_link)]
-        if any(_swivels(pivot, up, stage) for pivot in pivots):
-            continue  # a castor
+        if any(
+            _is_upright(pivot, up, stage) and not pivot.has_limits and pivot.stiffness <= 0.0
+            for pivot in pivots
+        ):
+            continue  # a castor: it turns freely about an upright axis
         steering = next((pivot for pivot in pivots if _is_upright(pivot, up, stage)), None)
         wheels.append((joint, axle, radius, shape, steering))
     base = stage.prim(robot.base)
@@ -380,11 +382,6 @@ def _pivots(
 def _is_upright(joint: RobotJoint, up: Vector, stage: StageModel) -> bool:
     axis = _axle(joint, stage)
     return joint.prim.type == REVOLUTE and axis is not None and abs(dot(axis, up)) > _LEVEL
-
-
-def _swivels(joint: RobotJoint, up: Vector, stage: StageModel) -> bool:
-    """Whether a joint lets what hangs on it turn freely about an upright axis, as of a castor."""
-    return _is_upright(joint, up, stage) and not joint.has_limits and joint.stiffness <= 0.0
 
 
 def _axle(joint: RobotJoint, stage: StageModel) -> Vector | None:
@@ -434,15 +431,12 @@ def sensors(stage: StageModel) -> tuple[Sensor, ...]:
         for kind in recipe.sensor.types
     }
     prims = stage.of_type(kinds.__contains__)
-    own = [prim for prim in prims if prim.present and not _is_of_application(prim.path, stage)]
+    tops = stage.platform.application_prims
     return tuple(
         Sensor(prim, kinds[prim.type], frame_of_prim(prim.path, stage), joined.carrier(prim.path))
-        for prim in own
+        for prim in prims
+        if prim.present and not any(is_at_or_below(prim.path, top) for top in tops)
     )
-
-
-def _is_of_application(path: str, stage: StageModel) -> bool:
-    return any(is_at_or_below(path, top) for top in stage.platform.application_prims)
 
 
 def _sensors_of(robot: Robot, stage: StageModel) -> Iterable[Sensor]:

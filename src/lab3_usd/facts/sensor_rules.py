@@ -170,7 +170,11 @@ def _demands(place: _Place) -> Iterator[_Demand]:
         expected = f"at most {most}, the time between two firings"
         yield _Demand(expected, place.named(rule.period_of), partial(_each, le, most))
     if rule.ordered:
-        yield _Demand("no time before the one ahead of it", (), _is_ordered)
+        yield _Demand(
+            "no time before the one ahead of it",
+            (),
+            lambda value: isinstance(value, LongList) or all(a <= b for a, b in pairwise(value)),
+        )
     if rule.some:
         yield _Demand("true for one emitter at least", (), lambda value: any(listed_entries(value)))
     if rule.among:
@@ -192,10 +196,6 @@ def _each(holds: Callable[[Any, Any], bool], limit: Any, value: Any) -> bool:
         isinstance(item, (int, float)) and holds(item, most)
         for item, most in zip(items, limits, strict=False)
     )
-
-
-def _is_ordered(value: Any) -> bool:
-    return isinstance(value, LongList) or all(first <= then for first, then in pairwise(value))
 
 
 def _is_among(allowed: tuple[Any, ...], value: Any) -> bool:

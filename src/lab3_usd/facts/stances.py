@@ -80,7 +80,9 @@ def _is_doubtful(stage: StageModel) -> bool:
         is_robot = name and bodies.sizes.get(name, 0) > 1
         box = stage.colliders.measured(bounds.path) if is_robot else bounds
         if box is not None:
-            box = box if stage.up_axis == "Z" else _upright(box)
+            if stage.up_axis != "Z":  # as it would be with Z up
+                (x, y, z), (u, v, w) = box.low, box.high
+                box = Collider(box.path, (x, -w, y), (u, -z, v))
             boxes.setdefault(name, []).append((box, body))
     robots = {name: own for name, own in boxes.items() if name and bodies.sizes.get(name, 0) > 1}
     rolling = {bodies.robots[link] for link in wheels}
@@ -123,12 +125,6 @@ def _around(boxes: Iterable[Collider]) -> Collider:
     low = [min(box.low[k] for box in every) for k in range(3)]
     high = [max(box.high[k] for box in every) for k in range(3)]
     return Collider("", (low[0], low[1], low[2]), (high[0], high[1], high[2]))
-
-
-def _upright(box: Collider) -> Collider:
-    """Return a box on a stage with Y up as it would be with Z up."""
-    (x, y, z), (u, v, w) = box.low, box.high
-    return Collider(box.path, (x, -w, y), (u, -z, v))
 
 
 def _may_tip(stage: StageModel, own: Sequence[tuple[Collider, str]], bodies: Sequence[str]) -> bool:
@@ -199,7 +195,9 @@ def _has_odd_ground(
     if planes:
         return False
     return any(
-        _is_below(box, robot) and stage.prims[box.path].type == _MESH
+        box.low[2] <= robot.low[2] + _STEP
+        and all(box.low[k] <= (robot.low[k] + robot.high[k]) / 2 <= box.high[k] for k in (0, 1))
+        and stage.prims[box.path].type == _MESH
         for robot in robots.values()
         for box, _ in still
     )
@@ -208,11 +206,6 @@ def _has_odd_ground(
 def _faces_up(world: Sequence[float]) -> bool:
     a, b, c, d, e, f, g, h, i = (world[4 * row + column] for row in range(3) for column in range(3))
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) > 0 and i > 0
-
-
-def _is_below(box: Collider, robot: Collider) -> bool:
-    is_over = all(box.low[k] <= (robot.low[k] + robot.high[k]) / 2 <= box.high[k] for k in (0, 1))
-    return is_over and box.low[2] <= robot.low[2] + _STEP
 
 
 def _meet(
@@ -230,8 +223,13 @@ def _meet(
         for box in (box for square in (*_under(robot), None) for box in squares.get(square, ())):
             if box.path not in own:
                 least = 0.0 if stage.prims[box.path].type == _MESH else _DEEP
-                if any(_overlap(box, other) >= least for other in own.values()):
-                    return True
+                for shape in own.values():
+                    overlap = min(
+                        min(box.high[k], shape.high[k]) - max(box.low[k], shape.low[k])
+                        for k in range(3)
+                    )
+                    if overlap >= least:
+                        return True
     return False
 
 
@@ -245,10 +243,6 @@ def _under(box: Collider) -> Sequence[_Square]:
         return (None,)
     across = range(math.floor(x), math.floor(u) + 1)
     return [(a, b) for a in across for b in range(math.floor(y), math.floor(v) + 1)]
-
-
-def _overlap(one: Collider, other: Collider) -> float:
-    return min(min(one.high[k], other.high[k]) - max(one.low[k], other.low[k]) for k in range(3))
 
 
 def _is_odd_inertia(stage: StageModel, own: Sequence[tuple[Collider, str]]) -> bool:

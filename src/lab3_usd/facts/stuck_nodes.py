@@ -64,7 +64,10 @@ def stuck_nodes(stage: StageModel) -> dict[str, Stuck]:
         *_without_prim(stage),
         *_without_context(stage),
         *_without_camera(stage),
-        *_without_product(stage),
+        *(
+            Stuck(lost.node, f"{lost.port} is {lost.path}, which shows no camera", lost.sure)
+            for lost in lost_products(stage)
+        ),
         *_without_scan(stage),
     ):
         found.setdefault(one.node.path, one)
@@ -337,12 +340,6 @@ def lost_products(stage: StageModel) -> Iterator[LostProduct]:
         is_made = product is None and stage.platform.graph.ignores(path)
         is_open = is_made or stage.unknown(path) is not None
         yield LostProduct(node, port, path, not is_open)
-
-
-def _without_product(stage: StageModel) -> Iterator[Stuck]:
-    for lost in lost_products(stage):
-        why = f"{lost.port} is {lost.path}, which shows no camera"
-        yield Stuck(lost.node, why, lost.sure)
 
 
 def _without_scan(stage: StageModel) -> Iterator[Stuck]:

@@ -10,7 +10,7 @@ from msgspec import Struct
 
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.physics import AXIS, BODIES, PLANE, USUAL_AXIS, numbers
-from lab3_usd.model.prims import Collider, Matrix, Prim, is_at_or_below
+from lab3_usd.model.prims import Collider, Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel, UnresolvedAsset, once_per_stage
 from lab3_usd.model.transforms import (
     AXES,
@@ -61,8 +61,11 @@ def disc_of(wheel: Prim, stage: StageModel) -> Disc | None:
 @once_per_stage
 def _disc_at(stage: StageModel, path: str) -> Disc | None:
     wheel, boxes = stage.prims[path], list(stage.colliders.below(path))
-    if wheel.world is None or not _is_square(wheel.world) or not boxes:
+    if wheel.world is None or not boxes:
         return None
+    rows = (wheel.world[0:3], wheel.world[4:7], wheel.world[8:11])
+    if not all(max(map(abs, row)) > _SQUARE * math.hypot(*row) for row in rows):
+        return None  # its axes do not point along those of the world
     sides = [
         max(box.high[axis] for box in boxes) - min(box.low[axis] for box in boxes)
         for axis in range(3)
@@ -93,12 +96,6 @@ def unknown_shape(joints: Sequence[Prim], stage: StageModel) -> UnresolvedAsset 
         if any(is_at_or_below(asset.prim, wheel) for wheel in wheels)
     )
     return next(inside, None)
-
-
-def _is_square(world: Matrix) -> bool:
-    """Whether the axes of a prim point along those of the world."""
-    rows = (world[0:3], world[4:7], world[8:11])
-    return all(max(map(abs, row)) > _SQUARE * math.hypot(*row) for row in rows)
 
 
 def pair_sizes(pair: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:

@@ -58,7 +58,11 @@ def _nodes(
                 f"{role}_{name}" if name else role,
                 kind,
                 {port: value for port, value in given.items() if value is not None},
-                {port: _paths(aim) for port, aim in aims.items() if aim},
+                {
+                    port: (aim,) if isinstance(aim, str) else tuple(aim)
+                    for port, aim in aims.items()
+                    if aim
+                },
                 added=entry.ports,
             )
         except GraphError as error:
@@ -92,10 +96,6 @@ def _switches(kind: NodeType, platform: Platform) -> dict[str, Any]:
         for name, port in gone.items()
         if port.off_for and name in kind.ports
     }
-
-
-def _paths(aim: Any) -> tuple[str, ...]:
-    return (aim,) if isinstance(aim, str) else tuple(aim)
 
 
 def _value(value: Any, values: Mapping[str, Any]) -> Any:

@@ -217,14 +217,12 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
                 found[name] = kind.version
         return found
 
-    def _described(self, release: str) -> str:
-        """Return the release that is described, for one of which names alone are known."""
-        later = [name for name in self.releases if order(BASE) < order(name) <= order(release)]
-        return release if release in self.releases or not later else max(later, key=order)
-
     def in_release(self, name: str) -> Platform:
         """Return Isaac Sim as it is in a release: its types, ports, defaults and tokens."""
-        release = self.releases.get(self._described(name))
+        # Of some releases names alone are known: they are as the last described one before them.
+        later = [each for each in self.releases if order(BASE) < order(each) <= order(name)]
+        described = name if name in self.releases or not later else max(later, key=order)
+        release = self.releases.get(described)
         if release is None:
             return self if name == self.release else replace(self, release=name, types=self.base)
         types = {

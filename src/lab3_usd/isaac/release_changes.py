@@ -111,9 +111,8 @@ class Meaning(Struct, frozen=True, forbid_unknown_fields=True):
 
     def between(self, before: str, after: str) -> str:
         """Say what changes between two releases, '' where nothing does."""
-        return self.up if leads_past(self.since, before, after) else self._back(before, after)
-
-    def _back(self, before: str, after: str) -> str:
+        if leads_past(self.since, before, after):
+            return self.up
         return self.down if leads_past(self.since, after, before) else ""
 
 

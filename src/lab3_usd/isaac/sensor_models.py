@@ -148,7 +148,10 @@ class SensorModels(Struct, frozen=True, eq=False):
         applied = frozenset(apis)
         if applied not in self.known:
             found: dict[str, SchemaAttribute] = {}
-            for name, instance in sorted(self.applied(applied), key=self._is_whole):
+            named = sorted(
+                self.applied(applied), key=lambda pair: bool(self.schemas[pair[0]].brings)
+            )
+            for name, instance in named:
                 for attribute, said in self.schemas[name].attributes.items():
                     found[attribute.replace(INSTANCE, instance)] = said
             self.known[applied] = found
@@ -161,6 +164,3 @@ class SensorModels(Struct, frozen=True, eq=False):
         for api in dict.fromkeys((*brought, *own)):
             name, _, instance = api.partition(":")
             yield name, instance
-
-    def _is_whole(self, applied: tuple[str, str]) -> bool:
-        return bool(self.schemas[applied[0]].brings)

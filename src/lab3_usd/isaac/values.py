@@ -44,16 +44,17 @@ def _whole(low: int, high: int) -> Callable[[Any], bool]:
     )
 
 
-def _real(value: Any) -> bool:
-    return isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-
-
 _REALS = ("half", "float", "double", "timecode")
 _SCALARS: dict[str, Callable[[Any], bool]] = {
     "bool": lambda value: isinstance(value, bool),
     "string": lambda value: isinstance(value, str),
     "token": lambda value: isinstance(value, str),
-    **dict.fromkeys(_REALS, _real),
+    **dict.fromkeys(
+        _REALS,
+        lambda value: (
+            isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
+        ),
+    ),
     **{name: _whole(*limits) for name, limits in _RANGES.items()},
 }
 

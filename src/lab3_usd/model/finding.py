@@ -375,19 +375,14 @@ def display(value: Value | Unknown | None) -> str:
         return "not set"
     if isinstance(value, Unknown):
         return f"{{{value.why}}}"
-    if isinstance(value, bool):
-        return str(value)
     if isinstance(value, float):
         return f"{value:.7g}"  # as many digits as a float32 holds
     if isinstance(value, tuple):
         return f"[{_first(tuple(display(item) for item in value[: MOST_ITEMS + 1]), len(value))}]"
-    return _quoted(value) if isinstance(value, str) else str(value)
-
-
-def _quoted(text: str) -> str:
-    """Return a text in quotes; what cannot be seen is written as Python writes it."""
-    short = text if len(text) <= MOST_LETTERS else f"{text[:MOST_LETTERS]}..."
-    return f"'{short}'" if short.isprintable() else repr(short)
+    if not isinstance(value, str):
+        return str(value)
+    short = value if len(value) <= MOST_LETTERS else f"{value[:MOST_LETTERS]}..."
+    return f"'{short}'" if short.isprintable() else repr(short)  # repr shows what is invisible
 
 
 def _first(items: tuple[str, ...], count: int) -> str:

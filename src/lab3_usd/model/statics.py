@@ -108,7 +108,8 @@ def _plane_below(points: Sequence[Vector], centre: Vector, near: float) -> _Plan
     x, y, _ = centre
     if not hull or _outside(hull, x, y) > near:
         return None
-    if len(hull) < len("abc") or _area(hull) < _NO_AREA:
+    area = abs(sum(_turning(hull[0], a, b) for a, b in pairwise(hull[1:]))) / 2
+    if len(hull) < len("abc") or area < _NO_AREA:
         return _line_below(points, hull, x, y)
     x, y = _drawn_in(hull, x, y)
     highest: dict[tuple[float, float], float] = {}
@@ -200,10 +201,6 @@ def _outline(points: Sequence[tuple[float, float]]) -> list[tuple[float, float]]
 
 def _turning(a: tuple[float, float], b: tuple[float, float], c: tuple[float, float]) -> float:
     return (b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])
-
-
-def _area(hull: Sequence[tuple[float, float]]) -> float:
-    return abs(sum(_turning(hull[0], a, b) for a, b in pairwise(hull[1:]))) / 2
 
 
 def _outside(hull: Sequence[tuple[float, float]], x: float, y: float) -> float:

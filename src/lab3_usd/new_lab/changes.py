@@ -197,7 +197,11 @@ def steady_scene(
         for name, robot in robots.items():
             if robot is None:
                 continue
-            own = {id_: _robot_of(other, robot["path"]) for id_, other in others.items()}
+            own: dict[str, Mapping[str, Any]] = {}
+            for id_, other in others.items():
+                theirs = (other.get("robot"), *other.get("robots", {}).values())
+                at_path = (each for each in theirs if each and each["path"] == robot["path"])
+                own[id_] = next(at_path, {})
             steady[name] = _steady_robot(robot, own, f"{key}: {name}" if name else key, lines)
         if steady:
             data[key] = steady if key == "robots" else steady[""]
@@ -216,11 +220,6 @@ def _lacking(
             lines.append(f"{SCENE}: {key}: is not in checkpoint {id_}")
             return True
     return False
-
-
-def _robot_of(scene: Mapping[str, Any], path: str) -> Mapping[str, Any]:
-    robots = [scene["robot"]] if "robot" in scene else scene.get("robots", {}).values()
-    return next((robot for robot in robots if robot["path"] == path), {})
 
 
 def _steady_robot(

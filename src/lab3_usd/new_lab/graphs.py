@@ -176,7 +176,10 @@ def _variables(graph: GraphModel, left_out: list[str]) -> Iterator[tuple[str, di
 def _node(node: Node, lab: Lab, left_out: list[str]) -> dict[str, Any]:
     kind = node.type
     assert kind is not None  # noqa: S101 - only nodes of a known type are described
-    place = {"at": list(map(_plain, node.position))} if node.position else {}
+    at = [
+        int(number) if number.is_integer() else round(number, 3) for number in node.position or ()
+    ]
+    place = {"at": at} if at else {}
     data: dict[str, Any] = {"type": kind.type, **place}
     values = dict(_values(node, kind, lab, left_out))
     ports = {name: port for name in node.ports if (port := kind.port(name)) is not None}
@@ -192,10 +195,6 @@ def _node(node: Node, lab: Lab, left_out: list[str]) -> dict[str, Any]:
     data |= {"ports": sorted(grown)} if grown else {}
     frames = kind.tf.prims[1][len(INPUT) :] if kind.tf is not None and kind.tf.prims else ""
     return data | ({"frames_from": [frames]} if frames in targets else {})
-
-
-def _plain(number: float) -> float:
-    return int(number) if number.is_integer() else round(number, 3)
 
 
 def _values(

@@ -171,13 +171,20 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
     texts = tuple(_with_changes(text, held, names, source.lab) for text in texts)
     graphs = {text.spec.name: text.spec for text in texts}
+    # A stage tells of the scene that has all of its assets, and a robot where the last one has one.
+    needs_robot = has_robot(stage, graphs.values())
     scenes = {
         id_: describe_scene(each.stage, sources[0].stage, graphs, source.lab, names.ids[-1])
         for id_, each in zip(names.ids[-len(sources) :], sources, strict=True)
-        if each is source or _is_whole(each.stage, stage, graphs.values())
+        if each is source
+        or (
+            not each.stage.unresolved
+            and (not needs_robot or has_robot(each.stage, graphs.values()))
+        )
     }
     scene, differing = steady_scene(scenes.pop(names.ids[-1]), scenes)
-    sections = {prim.path: _section(prim.path, texts) for prim in source.sensors}
+    homes = {prim.path: _home(prim.path, texts) for prim in source.sensors}
+    sections = {path: PART if home is None else home.handout for path, home in homes.items()}
     others = {
         id_: describe_sensors(
             each, dict.fromkeys((prim.path for prim in each.sensors), "") | sections
@@ -225,12 +232,6 @@ def _props(paths: Sequence[Path], parts: _Parts, described: Collection[str]) -> 
     }
     optional = [ids[number] for number in parts.optional]
     return describe_props(things, optional, whole=not (lab.scene.robots or lab.graphs))
-
-
-def _is_whole(stage: StageModel, last: StageModel, graphs: Collection[GraphSpec]) -> bool:
-    """Whether a stage has all of its assets, and a robot where the last one has one."""
-    has_all = has_robot(stage, graphs) or not has_robot(last, graphs)
-    return not stage.unresolved and has_all
 
 
 def _with_changes(
@@ -290,7 +291,11 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
     """Return the checkpoints: what each stage holds of the last one."""
     held = [running_graphs(source.stage) for source in sources]
     specs = [text.spec for text in parts.texts]
-    published = [_published(source.stage, parts.lab) for source in sources]
+    frames = {frame.child for frame in graph_frames(parts.lab)}
+    edges_of = [edges_on(transform_topics(parts.lab), source.stage) for source in sources]
+    published = [
+        {(edge.parent, edge.child) for edge in edges if edge.child in frames} for edges in edges_of
+    ]
     sensors = parts.lab.sensors.items()
     return steps_of_stages(
         parts.names,
@@ -310,23 +315,10 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
     )
 
 
-def _published(stage: StageModel, lab: Lab) -> set[tuple[str, str]]:
-    """Return the transforms of the lab that a stage publishes."""
-    known = {frame.child for frame in graph_frames(lab)}
-    edges = edges_on(transform_topics(lab), stage)
-    return {(edge.parent, edge.child) for edge in edges if edge.child in known}
-
-
 def _home(sensor: str, texts: Sequence[GraphText]) -> GraphSpec | None:
     """Return the graph with which a sensor comes: the first that names it, else the last."""
     graphs = [text.spec for text in texts]
     return next((graph for graph in graphs if sensor in named_prims(graph)), [None, *graphs][-1])
-
-
-def _section(sensor: str, texts: Sequence[GraphText]) -> str:
-    """Return the section of the handout with which a sensor comes."""
-    home = _home(sensor, texts)
-    return PART if home is None else home.handout
 
 
 def _files(

@@ -202,7 +202,9 @@ def _link(prim: Prim, stage: StageModel, root: str, base: str) -> dict[str, Any]
     mass = number(prim.attributes.get(MASS)) if MASS_API in prim.apis else None
     name, ends = prim.path.removeprefix(f"{root}/"), {prim.path, f"{root}/{base}"}
     is_fixed = any(joint.type == FIXED and set(bodies(joint)) == ends for joint in joints(stage))
-    on_root = _seen_from(stage.prims.get(root), prim)
+    top, on_root = stage.prims.get(root), prim.local
+    if top is not None and prim.parent != top.path and top.world and prim.world:
+        on_root = relative_transform(prim.world, top.world)
     stands = pose(on_root, stage.meters_per_unit)
     has_place = (name == base or is_fixed) and not any(stands["rotate"])
     place = stands["translate"] if has_place else ()
@@ -212,13 +214,6 @@ def _link(prim: Prim, stage: StageModel, root: str, base: str) -> dict[str, Any]
     )
     held = {"held": True} if name == base and to_world else {}
     return {**weight, **({"offset": place} if any(place) else {}), **held, "handout": PART}
-
-
-def _seen_from(root: Prim | None, prim: Prim) -> Matrix | None:
-    """Return where a link stands on its robot."""
-    if root is None or prim.parent == root.path or not root.world or not prim.world:
-        return prim.local
-    return relative_transform(prim.world, root.world)
 
 
 def pose(local: Matrix | None, metres: float) -> dict[str, Any]:

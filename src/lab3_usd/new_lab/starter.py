@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -69,7 +69,8 @@ def _prim(prim: PlainPrim, lab: Lab, weighed: set[str]) -> Iterator[tuple[str, A
     if prim.local is not None:
         place = pose(prim.local, lab.scene.stage.meters_per_unit)
         is_robot = any(prim.path == robot.path for robot in lab.scene.robots)
-        yield "pose", {} if is_robot else _away(place)
+        away = {key: value for key, value in place.items() if value != _NOWHERE[key]}
+        yield "pose", {} if is_robot else away
     values = {
         name: as_typed(value) if kind is None else {"type": kind, "value": as_typed(value)}
         for name, kind, value in prim.values
@@ -79,7 +80,3 @@ def _prim(prim: PlainPrim, lab: Lab, weighed: set[str]) -> Iterator[tuple[str, A
         yield "set", values
     if prim.targets:
         yield "targets", {name: list(paths) for name, paths in prim.targets}
-
-
-def _away(place: Mapping[str, Any]) -> dict[str, Any]:
-    return {key: value for key, value in place.items() if value != _NOWHERE[key]}

@@ -71,6 +71,10 @@ class Bodies:
         )
         unit = math.radians(1.0) if prim.type == HINGE else 1.0
         low, high = joint_limits(prim.values)
+        # How the rollers of a wheel stand to its axle, and its radius: IsaacMecanumWheelAPI
+        # (holonomic_robot_usd_setup.py:58-60).
+        angle = number(prim.values.get("isaacmecanumwheel:angle"))
+        radius = number(prim.values.get("isaacmecanumwheel:radius"))
         return Joint(
             prim.path.rpartition("/")[2],
             prim.type,
@@ -86,7 +90,7 @@ class Bodies:
             force=force,
             is_acceleration=drive.is_acceleration,
             limits=(low * unit, high * unit),
-            rollers=_rollers(prim),
+            rollers=None if angle is None or radius is None else (math.radians(angle), radius),
             path=prim.path,
             hindrances=dict(_hindrances(prim)),
         )
@@ -115,15 +119,6 @@ def _hindrances(prim: ScenePrim) -> Iterator[tuple[JointCommand, str]]:
         why = hindrance(prim.type, prim.apis, prim.values, command)
         if why is not None:
             yield command, why.text
-
-
-def _rollers(prim: ScenePrim) -> tuple[float, float] | None:
-    """Return how the rollers of a wheel stand to its axle, and its radius; None without any.
-
-    So says IsaacMecanumWheelAPI (holonomic_robot_usd_setup.py:58-60).
-    """
-    angle, radius = (number(prim.values.get(f"isaacmecanumwheel:{n}")) for n in ("angle", "radius"))
-    return None if angle is None or radius is None else (math.radians(angle), radius)
 
 
 def assembled(bodies: dict[str, ScenePrim], joints: list[Joint]) -> list[Machine]:

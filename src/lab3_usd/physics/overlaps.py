@@ -48,14 +48,12 @@ def block_of(prim: ScenePrim, box: Box, surface: Surface | None = None) -> Block
         solid = solid_of(prim, prim.world)
         return None if solid is None else Block(prim.path, [solid])
     surface = surface or placed_surface(prim, prim.world)
-    faces = (Solid(prim.path, prim.type, face) for face in surface.within(*box))
-    return Block(prim.path, [face for face in faces if not _is_level(face)])
-
-
-def _is_level(face: Solid) -> bool:
-    a, b, c = face.points
-    x, y, z = cross(minus(b, a), minus(c, a))
-    return abs(z) >= math.hypot(x, y)
+    steep: list[Solid] = []
+    for face in surface.within(*box):
+        x, y, z = cross(minus(face[1], face[0]), minus(face[2], face[0]))
+        if abs(z) < math.hypot(x, y):
+            steep.append(Solid(prim.path, prim.type, face))
+    return Block(prim.path, steep)
 
 
 def overlaps(own: Sequence[Solid], blocks: Iterable[Block], metres: float) -> Iterator[Overlap]:

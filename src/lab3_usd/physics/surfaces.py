@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from functools import cached_property, lru_cache
-from itertools import chain, pairwise
+from itertools import chain, islice, pairwise
 from typing import Any
 
 from msgspec import Struct
@@ -158,8 +158,11 @@ def ground_of(prim: ScenePrim, at: Affine) -> Surface:
         front = at.turn(AXES[TURN.get(str(prim.values.get("axis")), TURN["Z"]).index(2)])
         # usd-core takes a mirrored place as one with all three axes mirrored.
         is_up = (front[2] > 0) != is_mirrored(at)
-        faces = [1 if _turns_left(each) else -1 for each in surface.triangles()][:1] or [1]
-        return replace(surface, side=faces[0] if is_up else -faces[0])
+        side = 1
+        for (ax, ay, _), (bx, by, _), (cx, cy, _) in islice(surface.triangles(), 1):
+            # Whether its points go round counterclockwise, seen from above.
+            side = 1 if (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) > 0 else -1
+        return replace(surface, side=side if is_up else -side)
     if prim.type != _MESH or prim.values.get("physics:approximation") in SOLID:
         return surface
     return replace(surface, side=-1 if prim.values.get("orientation") == "leftHanded" else 1)
@@ -169,12 +172,6 @@ def is_mirrored(at: Affine) -> bool:
     """Whether a place makes the right hand a left one."""
     (a, b, c), (d, e, f), (g, h, i) = at.rows
     return a * (e * i - f * h) - b * (d * i - f * g) + c * (d * h - e * g) < 0
-
-
-def _turns_left(triangle: Triangle) -> bool:
-    """Whether the points of a triangle go round counterclockwise, seen from above."""
-    (ax, ay, _), (bx, by, _), (cx, cy, _) = triangle
-    return (bx - ax) * (cy - ay) - (cx - ax) * (by - ay) > 0
 
 
 @lru_cache(maxsize=128)
@@ -268,15 +265,6 @@ def _round(radius: float, half: float) -> list[tuple[float, float]]:
     return [*((r, -h) for r, h in reversed(top)), *top]
 
 
-def _sphere(values: _Values) -> Iterator[Triangle]:
-    return _lathe(values, _round(_number(values, "radius", 1.0), 0.0))
-
-
-def _capsule(values: _Values) -> Iterator[Triangle]:
-    half = _number(values, "height", 1.0) / 2
-    return _lathe(values, _round(_number(values, "radius", 0.5), half))
-
-
 def _plane(values: _Values) -> Iterator[Triangle]:
     """Return a square of half-width ENDLESS in place of an infinite collision plane."""
     order = TURN.get(str(values.get("axis")), TURN["Z"])
@@ -288,9 +276,12 @@ def _plane(values: _Values) -> Iterator[Triangle]:
 
 _MAKERS = {
     "Cube": _cube,
-    "Sphere": _sphere,
+    "Sphere": lambda values: _lathe(values, _round(_number(values, "radius", 1.0), 0.0)),
     "Cylinder": _cylinder,
-    "Capsule": _capsule,
+    "Capsule": lambda values: _lathe(
+        values,
+        _round(_number(values, "radius", 0.5), _number(values, "height", 1.0) / 2),
+    ),
     "Cone": _cone,
     "Plane": _plane,
 }

@@ -37,11 +37,11 @@ def _is(*values: object) -> Harmless:
 
 
 def _most(limit: float) -> Harmless:
-    return lambda value: all(abs(part) <= limit for part in _parts(value))
+    def is_small(value: Any) -> bool:
+        parts = numbers(value if isinstance(value, tuple) else (value,))
+        return all(abs(part) <= limit for part in parts)
 
-
-def _parts(value: Any) -> list[float]:
-    return numbers(value if isinstance(value, tuple) else (value,))
+    return is_small
 
 
 def _least(limit: float) -> Harmless:

@@ -427,7 +427,9 @@ def _same_demands(lab: Lab, checkpoint: str) -> Checkpoint:
 @lru_cache(maxsize=64)
 def _at(lab: Lab, checkpoint: str) -> Lab:
     reached = ("", *lab.reached(checkpoint))
-    skipped = _skipped_sensors(lab, checkpoint)
+    # Sensors of earlier checkpoints may have been left out.
+    left_out = lab.added_until(checkpoint).difference(lab.checkpoints[checkpoint].sensors)
+    skipped = tuple(sensor.path for name, sensor in lab.sensors.items() if name in left_out)
     graphs = {}
     for name, graph in lab.graphs.items():
         later = [role for role, node in graph.nodes.items() if node.since not in reached]
@@ -444,13 +446,6 @@ def _at(lab: Lab, checkpoint: str) -> Lab:
     if graphs == lab.graphs and len(left.edges) == len(lab.frames.edges):
         return lab
     return replace(lab, graphs=graphs, frames=left)
-
-
-def _skipped_sensors(lab: Lab, checkpoint: str) -> tuple[str, ...]:
-    """Return the paths of the sensors of earlier checkpoints that may have been left out."""
-    there = lab.checkpoints[checkpoint].sensors
-    added = lab.added_until(checkpoint).difference(there)
-    return tuple(sensor.path for name, sensor in lab.sensors.items() if name in added)
 
 
 def _without_targets(node: NodeSpec, prims: Collection[str]) -> NodeSpec:

@@ -63,8 +63,10 @@ def _position(path: Path, keys: Sequence[str]) -> tuple[int, int]:
     mark = None
     for written in keys:
         # A topic is a key as it is written; of a path, each name is one, inside the one before.
-        whole = _whole(node, written) if _PATH.fullmatch(written) else None
-        each = [whole] if whole is not None else (_found(node, key) for key in _names(written))
+        is_path = _PATH.fullmatch(written) is not None
+        whole = _whole(node, written) if is_path else None
+        names = written.split("/")[1:] if is_path else [written]
+        each = [whole] if whole is not None else (_found(node, name) for name in names)
         for found in each:
             if found is not None:
                 mark, node = found
@@ -88,11 +90,6 @@ def _whole(node: Any, path: str) -> tuple[Any, Any] | None:
             if isinstance(own, yaml.ScalarNode) and own.value == path:
                 return own.start_mark, inner
     return None
-
-
-def _names(key: str) -> Sequence[str]:
-    """Return the keys that a key stands for: of the path of a prim, its names."""
-    return key.split("/")[1:] if _PATH.fullmatch(key) else (key,)
 
 
 def _found(node: Any, key: str) -> tuple[Any, Any] | None:

@@ -7,6 +7,7 @@ import re
 from bisect import bisect_right
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import suppress
+from functools import partial
 from itertools import accumulate
 from pathlib import Path
 from typing import Any
@@ -128,7 +129,11 @@ def locate(stage: Usd.Stage, given: str, sites: Iterable[Site]) -> dict[Site, So
     paths: dict[str, list[str]] = {}
     for layer, path in specs.values():
         paths.setdefault(layer.realPath, []).append(path)
-    texts = {file: _read_once(file, spec_paths, stage) for file, spec_paths in paths.items()}
+    texts: dict[str, _Text | None] = {}
+    for file, spec_paths in paths.items():
+        asked = frozenset(spec_paths)
+        # What copies of a stage have in common is looked for once.
+        texts[file] = cached(("places", id(stage), file, asked), partial(_read, file, asked))
     locations: dict[Site, SourceLocation] = {}
     for site, (layer, path) in specs.items():
         name = given if layer == root else layer_name(layer, root, given)
@@ -195,12 +200,6 @@ class _Text(Struct, frozen=True):
 
     specs: Mapping[str, int]
     lines: Sequence[int]
-
-
-def _read_once(path: str, spec_paths: Iterable[str], stage: Usd.Stage) -> _Text | None:
-    """Find specs in a text layer; what copies of a stage have in common is looked for once."""
-    asked = frozenset(spec_paths)
-    return cached(("places", id(stage), path, asked), lambda: _read(path, asked))
 
 
 def _read(path: str, spec_paths: Iterable[str]) -> _Text | None:

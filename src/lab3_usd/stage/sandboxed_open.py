@@ -191,21 +191,17 @@ def _open_inside(bounds: FileBounds, layer: Sdf.Layer, asset: str) -> Sdf.Layer 
         return "it is an expression, not a path", True
     if _FORMAT_ARGUMENTS in asset:
         return "it carries arguments for a file format", True
-    if _ADDRESS.match(asset):
-        return _open_supplied(bounds, *_located(layer, asset))
     identifier, file = _located(layer, asset)
+    if _ADDRESS.match(asset):
+        is_there = _is_supplied(bounds, file) and Path(file).is_file()
+        refusal = "it is not on this computer", False
+        return open_layer(bounds, identifier, file) if is_there else refusal
     if file not in bounds.allowed:
         if _ABSOLUTE.match(asset):
             return "it is an absolute path", False
         if name_of(bounds, file) is None:
             return "it leads out of the submission", True
     return _open_file(bounds, identifier, file)
-
-
-def _open_supplied(bounds: FileBounds, identifier: str, file: str) -> Sdf.Layer | _Refusal:
-    if not (_is_supplied(bounds, file) and Path(file).is_file()):
-        return "it is not on this computer", False
-    return open_layer(bounds, identifier, file)
 
 
 def _open_file(bounds: FileBounds, identifier: str, file: str) -> Sdf.Layer | _Refusal:

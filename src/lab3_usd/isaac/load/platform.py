@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterator, Mapping
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
 
@@ -401,13 +401,8 @@ def _needs(
         known = set(kind.ports)
         for release in releases.values():
             known |= set(release.types[name].ports if name in release.types else ())
-        for short in (port_name for need in entries for port_name in _isaac_named(need)):
-            if INPUT + short not in known:
-                raise SpecError(f"{where}: {name} has no input '{short}'")
+        for need in entries:
+            for short in (*need.inputs, need.when, need.when_wired, need.unless):
+                if short and INPUT + short not in known:
+                    raise SpecError(f"{where}: {name} has no input '{short}'")
     return needs
-
-
-def _isaac_named(need: Need) -> Iterator[str]:
-    """Yield the inputs that an entry names."""
-    yield from need.inputs
-    yield from filter(None, (need.when, need.when_wired, need.unless))

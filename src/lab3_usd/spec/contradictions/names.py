@@ -106,6 +106,7 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
         topic = _topic(lab, graph, node, port)
         if topic:
             message = node.type.message
+            wired = {wire.target.port for wire in graph.wires_into(node.role)}
             yield GraphTopic(
                 name=topic,
                 type=message.get("") or message.get(str(spec_value(node, KIND))),
@@ -113,7 +114,10 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
                 graph=graph.name,
                 role=node.role,
                 place=f"{file_of(graph)}: {node.role}: {_short(port)}",
-                frames=tuple(_frames_of_topic(graph, node, port)),
+                frames=tuple(
+                    "" if of_frame in wired else str(spec_value(node, of_frame) or "")
+                    for of_frame in frame_ports(node.type, port)
+                ),
             )
 
 
@@ -124,12 +128,6 @@ def transform_topics(lab: Lab) -> frozenset[str]:
     moving = {topic.removesuffix(STATIC) for topic in topics}
     twins = {f"{topic}{STATIC}" for topic in moving}
     return frozenset(moving | twins or lab.platform.ros.tree_topics)
-
-
-def _frames_of_topic(graph: GraphSpec, node: NodeSpec, topic: str) -> Iterator[str]:
-    wired = {wire.target.port for wire in graph.wires_into(node.role)}
-    for port in frame_ports(node.type, topic):
-        yield "" if port in wired else str(spec_value(node, port) or "")
 
 
 def _topic_ports(lab: Lab) -> Iterator[tuple[GraphSpec, NodeSpec, str]]:
@@ -232,20 +230,16 @@ def frame_contradictions(lab: Lab) -> Iterator[LabFault]:
     yield from _forbidden(lab, given)
     yield from _too_early_frames(lab, given)
     yield from _unpublished(lab, given)
-    tree = _tree(lab)
-    for file, key, frame in (*_graph_references(lab, given), *_references(lab)):
+    localization = lab.frames.localization
+    edges = (*lab.frames.edges, *(() if localization is None else (localization.edge,)))
+    tree = dict.fromkeys(frame for edge in edges for frame in edge)  # in the order of the file
+    named = [(frame.file, frame.key, frame.child) for frame in (*given, *named_frames(lab))]
+    for file, key, frame in (*named, *_references(lab)):
         if frame not in tree:
             meant = nearest_name(frame, tree)
             hint = f", '{meant}' is" if meant else ""
             message = f"'{frame}' is not a frame of the tree{hint}"
             yield LabFault(file, key, message, f"{CHECKPOINTS}: {TREE}")
-
-
-def _tree(lab: Lab) -> dict[str, None]:
-    """Return the frames of the running system, in the order of the file."""
-    localization = lab.frames.localization
-    edges = (*lab.frames.edges, *(() if localization is None else (localization.edge,)))
-    return dict.fromkeys(frame for edge in edges for frame in edge)
 
 
 def _double_parents(lab: Lab) -> Iterator[LabFault]:
@@ -318,20 +312,13 @@ def _unpublished(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
         makers = [graph_frame for graph_frame in given if graph_frame.child == child]
         if not makers:
             message = f"no node of a graph publishes the frame '{child}'"
-            yield LabFault(CHECKPOINTS, key, message, _places(given))
+            places = ", ".join(dict.fromkeys(frame.place for frame in given))
+            nobody = "no graph has a node that does"
+            published_by = f"frames are published by {places}" if places else nobody
+            yield LabFault(CHECKPOINTS, key, message, published_by)
         elif all(maker.parent != parent for maker in makers) and parent not in published:
             message = f"the graphs publish '{child}' below '{makers[0].parent}'"
             yield LabFault(CHECKPOINTS, key, message, makers[0].place)
-
-
-def _places(given: list[GraphFrame]) -> str:
-    places = ", ".join(dict.fromkeys(frame.place for frame in given))
-    return f"frames are published by {places}" if places else "no graph has a node that does"
-
-
-def _graph_references(lab: Lab, given: list[GraphFrame]) -> Iterator[tuple[str, str, str]]:
-    for frame in (*given, *named_frames(lab)):
-        yield frame.file, frame.key, frame.child
 
 
 def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:

@@ -142,7 +142,10 @@ def _kept(folder: Path, load: Callable[[Path], Lab]) -> bytes:
     if not sys.dont_write_bytecode:
         try:
             ours.parent.mkdir(exist_ok=True)
-            _write(ours, _joined(checksum, content))
+            # Written whole, readable for whoever may read its folder.
+            temporary = ours.with_name(f"{ours.name}.{os.getpid()}")
+            temporary.write_bytes(_joined(checksum, content))
+            temporary.replace(ours)
         except OSError:
             pass  # the next start is slower, no more
     return content
@@ -190,10 +193,3 @@ def _read(path: Path, checksum: int) -> bytes | None:
     except OSError:
         return None
     return content if content and zlib.crc32(content) == whole else None
-
-
-def _write(path: Path, data: bytes) -> None:
-    """Write a file whole, readable for whoever may read its folder."""
-    temporary = path.with_name(f"{path.name}.{os.getpid()}")
-    temporary.write_bytes(data)
-    temporary.replace(path)

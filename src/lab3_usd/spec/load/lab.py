@@ -79,7 +79,10 @@ def load_ros(folder: Path | None = None) -> ros.RosSpec:
 
 
 def _ros_data(folder: Path) -> dict[str, Any]:
-    return read_yaml(folder / ROS) if (folder / ROS).is_file() else _no_ros()
+    if (folder / ROS).is_file():
+        return read_yaml(folder / ROS)
+    # The course shows nothing of the running system.
+    return {"system": {**_bundled_ros()["system"], "packages": {}, "handout": ""}}
 
 
 def _ros_spec(data: Mapping[str, Any]) -> ros.RosSpec:
@@ -102,11 +105,6 @@ def _ros_spec(data: Mapping[str, Any]) -> ros.RosSpec:
         ),
         navigation=_navigation(content.navigation),
     )
-
-
-def _no_ros() -> dict[str, Any]:
-    """Return what is said of the running system in a course that shows nothing of it."""
-    return {"system": {**_bundled_ros()["system"], "packages": {}, "handout": ""}}
 
 
 def _navigation(given: dict[str, Any] | None) -> ros.NavigationSpec | None:
@@ -245,27 +243,22 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
     folder = folder if folder is not None else lab_folder()
     content = as_record(read_yaml(folder / SUBMISSION), SubmissionFile, SUBMISSION)
     checklist = f"{SUBMISSION}: checklist"
+    starter = content.starter
+    if starter is None:  # facts of USD and of Isaac Sim: those that the bundled lab compares
+        bundled = read_yaml(data_folder("graphs") / SUBMISSION)["starter"]
+        usual = as_record(bundled, StarterRules, f"{SUBMISSION}: starter")
+        starter = replace(usual, handout=content.stages.handout)
     return SubmissionSpec(
         folders=content.folders,
         stages=content.stages,
         deliverables=records(content.deliverables, Deliverable, f"{SUBMISSION}: deliverables"),
-        starter=content.starter or _usual_starter(content.stages.handout),
+        starter=starter,
         checklist=tuple(
             as_record({"section": section, **line}, ChecklistSpec, f"{checklist}: {section}")
             for section, lines in content.checklist.items()
             for line in lines
         ),
     )
-
-
-def _usual_starter(handout: str) -> StarterRules:
-    """Return what the bundled lab compares of a starter: facts of USD and of Isaac Sim.
-
-    `handout` is the section of another lab that asks for it.
-    """
-    content = read_yaml(data_folder("graphs") / SUBMISSION)
-    usual = as_record(content["starter"], StarterRules, f"{SUBMISSION}: starter")
-    return replace(usual, handout=handout)
 
 
 def assemble_lab(folder: Path, platform_of: Callable[[Path], Platform], team: str = "") -> Lab:
@@ -323,7 +316,10 @@ def _assembled(folder: Path, platform: Platform, team: str) -> Lab:
         by_team=tuple(file for file, data in written.items() if files[file] != data),
         team=team,
     )
-    lab = _with_silence(by_ids(_with_starter(lab)))
+    stages = lab.submission.stages  # without a name, the starter has that of the first stage
+    named = replace(stages, starter=stages.starter or lab.checkpoints[lab.first].file)
+    lab = replace(lab, submission=replace(lab.submission, stages=named))
+    lab = _with_silence(by_ids(lab))
     return replace(lab, points=_points(folder / RUBRIC, lab))
 
 
@@ -340,13 +336,6 @@ def _points(rubric: Path, lab: Lab) -> dict[str, float]:
             checkpoint = lab.ids.get(checkpoint, checkpoint)
             points[checkpoint] = points.get(checkpoint, 0.0) + item["points"]
     return points
-
-
-def _with_starter(lab: Lab) -> Lab:
-    """Return a lab whose starter has a name: where the lab has none, that of the first stage."""
-    stages = lab.submission.stages
-    named = replace(stages, starter=stages.starter or lab.checkpoints[lab.first].file)
-    return replace(lab, submission=replace(lab.submission, stages=named))
 
 
 def _with_silence(lab: Lab) -> Lab:

@@ -134,7 +134,10 @@ def _starter_of(folder: Path) -> StarterSpec:
     for fact in facts:
         if fact.path not in prims:
             raise SpecError(f"{STARTER}: {fact.path} is missing, {SCENE} asks for it")
-        prims[fact.path] = _with_fact(prims[fact.path], fact)
+        prim = prims[fact.path]
+        pose = prim.pose if fact.pose is None else fact.pose
+        attributes = prim.attributes + fact.attributes
+        prims[fact.path] = replace(prim, pose=pose, attributes=attributes)
     return StarterSpec(
         doc=starter.doc,
         default_prim=starter.default_prim,
@@ -199,8 +202,3 @@ def _handout_facts(robot: RobotSpec) -> Iterator[PrimSpec]:
         place = None if link.offset is None or is_nested else PoseSpec(link.offset)
         mass = () if link.mass is None else (AttributeSpec("physics:mass", link.mass),)
         yield PrimSpec(path, pose=place, attributes=mass)
-
-
-def _with_fact(prim: PrimSpec, fact: PrimSpec) -> PrimSpec:
-    pose = prim.pose if fact.pose is None else fact.pose
-    return replace(prim, pose=pose, attributes=prim.attributes + fact.attributes)

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from typing import Any
 
-from pxr import Sdf, Usd
+from pxr import Usd
 
 from lab3_usd.model.changes import Change, Difference
 from lab3_usd.model.physics import BODY_ENABLED, KINEMATIC, SCENE, still_by
@@ -59,7 +59,10 @@ def prim_differences(pair: PairedPrim, terms: Terms, *, same_parent: bool) -> li
     poses: list[str] = []
     for difference in raw:
         if difference.kind == "type":
-            changed.extend(_type(difference, was.prim, terms))
+            if difference.was:
+                kinds = (difference.was, difference.now or "no type")
+                physics = affects_physics(was.prim, terms.rules)
+                changed.append(Difference("type", "", *kinds, physics=physics))
         elif difference.kind == "schema":
             changed.extend(_removed_schema(difference, was.prim, now, terms))
         elif not difference.is_new or difference.name == ORDER or _has_default(difference):
@@ -108,12 +111,6 @@ def _dropped_schemas(prim: Usd.Prim) -> set[str] | None:
 def _has_default(difference: RawDifference) -> bool:
     """Whether usd-core knows what the starter leaves unwritten."""
     return difference.kind == "value" and difference.was is not None
-
-
-def _type(difference: RawDifference, prim: Usd.Prim, terms: Terms) -> Iterator[Difference]:
-    if difference.was:
-        physics = affects_physics(prim, terms.rules)
-        yield Difference("type", "", difference.was, difference.now or "no type", physics=physics)
 
 
 def _removed_schema(
@@ -193,7 +190,10 @@ def _added_differences(
     """Yield what one prim has of physics that the starter's does not."""
     prim = was.prim
     is_robots = is_on_robot(was.path, terms)
-    idle = () if is_robots or not _stays(twin, terms) else (terms.rules.body, *_SWITCHES)
+    # Nothing moves what is no body, or is held still.
+    is_still = still_by({name: _value(twin, name) for name in _SWITCHES}) != ""
+    is_still = is_still or terms.rules.body not in applied_schemas(twin)
+    idle = () if is_robots or not is_still else (terms.rules.body, *_SWITCHES)
     is_judged = is_robots or is_physical(prim, terms.rules)
     for difference in raw:
         name = difference.name
@@ -207,12 +207,6 @@ def _added_differences(
             yield from _bound(prim, twin, name, terms)
         elif is_judged and name not in idle and _counts(prim, twin, name, terms):
             yield from _added_property(difference, twin, terms)
-
-
-def _stays(prim: Usd.Prim, terms: Terms) -> bool:
-    """Whether the prim is no body, or one that nothing moves."""
-    is_still = still_by({name: _value(prim, name) for name in _SWITCHES}) != ""
-    return is_still or terms.rules.body not in applied_schemas(prim)
 
 
 def is_unknown(path: str, terms: Terms) -> bool:
@@ -233,7 +227,9 @@ def _added_property(
 ) -> Iterator[Difference]:
     name, value = difference.name, difference.now
     if difference.kind == "targets":
-        if value and not _is_only_scene(value, twin.GetStage()):
+        prims = twin.GetStage().Traverse() if value else ()
+        scenes = [prim.GetPath() for prim in prims if _is_scene(prim)]
+        if value and not ([*value] == scenes and len(scenes) == 1):  # the one that the stage has
             shown = ", ".join(map(str, value))
             yield Difference("added", name, "", f"{name} {shown} was added", physics=False)
         return
@@ -243,12 +239,6 @@ def _added_property(
     if default is None or not same_usd_value(default, value, terms.number):
         message = f"{name} {display_value(value)} was added"
         yield Difference("added", name, "", message, physics=False)
-
-
-def _is_only_scene(targets: Collection[Sdf.Path], stage: Usd.Stage) -> bool:
-    """Whether a relationship names the one physics scene that the stage has."""
-    scenes = [prim.GetPath() for prim in stage.Traverse() if _is_scene(prim)]
-    return len(scenes) == 1 and list(targets) == scenes
 
 
 def _is_scene(prim: Usd.Prim) -> bool:

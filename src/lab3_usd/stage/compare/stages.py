@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -14,7 +14,7 @@ from lab3_usd.model.changes import Change, StarterSubject
 from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.model.transforms import PlaceTolerance
-from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.submission import StarterRules
 from lab3_usd.stage.compare.compared_prims import added_changes, prim_differences
@@ -81,7 +81,12 @@ def compare_starter(
     point = lab.checkpoints[checkpoint]
     props = lab.props_at(point).values()
     added = [prop for prop in props if prop.since]
-    kept = (change for change in changes if not _is_asked(change.prim, point, added))
+    kept = (  # without prims that the checkpoint takes away, or adds there or above
+        change
+        for change in changes
+        if not point.is_removed(change.prim)
+        and not any(prop.stands_at(path) for path in upwards(change.prim) for prop in added)
+    )
     changed = [prop for prop in props if prop.until and not prop.since]
     if changed:
         kept = (each for change in kept if (each := _without_asked(change, changed)) is not None)
@@ -95,13 +100,6 @@ def _without_asked(change: Change, props: Iterable[PropSpec]) -> Change | None:
         asked |= {each.property for each in change.differences if each.property.startswith(_POSE)}
     kept = tuple(each for each in change.differences if each.property not in asked)
     return replace(change, differences=kept) if kept or change.absent else None
-
-
-def _is_asked(path: str, checkpoint: Checkpoint, added: Iterable[PropSpec]) -> bool:
-    """Whether a checkpoint takes a prim away, or adds one there or above."""
-    above = [*upwards(path)]
-    is_added = any(prop.stands_at(each) for prop in added for each in above)
-    return is_added or checkpoint.is_removed(path)
 
 
 def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:

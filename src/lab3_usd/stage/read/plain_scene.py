@@ -101,11 +101,13 @@ def _not_plain(prim: Usd.Prim) -> str:
 def _plain_prim(prim: Usd.Prim) -> PlainPrim:
     names = set(prim.GetPrimDefinition().GetPropertyNames())
     has_place = prim.GetAttribute("xformOpOrder").HasAuthoredValue()
-    values = [
-        (name, None if name in names else _written_type(attribute), _plain(attribute.Get()))
-        for attribute in prim.GetAuthoredAttributes()
-        if not (name := attribute.GetName()).startswith(_DERIVED) and attribute.Get() is not None
-    ]
+    values: list[tuple[str, str | None, Any]] = []
+    for attribute in prim.GetAuthoredAttributes():
+        name, value = attribute.GetName(), attribute.Get()
+        if not name.startswith(_DERIVED) and value is not None:
+            uniform = attribute.GetVariability() == Sdf.VariabilityUniform
+            kind = f"{'uniform ' if uniform else ''}{attribute.GetTypeName()}"
+            values.append((name, None if name in names else kind, _plain(value)))
     return PlainPrim(
         path=str(prim.GetPath()),
         type=str(prim.GetTypeName()),
@@ -125,11 +127,6 @@ def _paths(each: Usd.Property) -> list[Sdf.Path]:
     """Return what a relationship leads to, or an attribute is connected to."""
     is_attribute = isinstance(each, Usd.Attribute)
     return list(each.GetConnections() if is_attribute else each.GetTargets())
-
-
-def _written_type(attribute: Usd.Attribute) -> str:
-    uniform = "uniform " if attribute.GetVariability() == Sdf.VariabilityUniform else ""
-    return f"{uniform}{attribute.GetTypeName()}"
 
 
 def _plain(value: Any) -> Any:

@@ -82,9 +82,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
             prims[path] = _prim(prim, path, kind, time, prims, missing)
     users = _only_users(prims, platform)
     nodes = {
-        graph: [
-            _used_by(_of_platform(node, platform), users.get(graph), platform) for node in found
-        ]
+        graph: [_used_by(node, users.get(graph), platform) for node in found]
         for graph, found in nodes.items()
     }
     types = {node.path: node.type for found in nodes.values() for node in found}
@@ -142,12 +140,6 @@ def _made_camera(path: str) -> ScenePrim:
     return _prim(made, path, str(made.GetTypeName()), NO_TIME, {}, {})
 
 
-def _of_platform(node: SceneNode, platform: Platform) -> SceneNode:
-    """Return a node whose type has the name that the platform has for it."""
-    name = platform.type_name(node.type)
-    return node if name == node.type else replace(node, type=name)
-
-
 def _only_users(prims: Mapping[str, ScenePrim], platform: Platform) -> dict[str, str]:
     """Return the prims that refer to graphs, by the graph, where one alone does."""
     users: dict[str, list[str]] = {}
@@ -158,7 +150,12 @@ def _only_users(prims: Mapping[str, ScenePrim], platform: Platform) -> dict[str,
 
 
 def _used_by(node: SceneNode, user: str | None, platform: Platform) -> SceneNode:
-    """Return a node with the user of its graph as target, in place of the placeholder for it."""
+    """Return a node with its type by the platform's name, and the user of its graph as target.
+
+    The user stands in place of the placeholder for it.
+    """
+    name = platform.type_name(node.type)
+    node = node if name == node.type else replace(node, type=name)
     placeholder = platform.graph.evaluation.placeholder
     named = {path for paths in node.targets.values() for path in paths}
     if user is None or not any(path.rpartition("/")[2] == placeholder for path in named):
@@ -278,7 +275,12 @@ def _prim(
             targets[name] = tuple(map(str, targets_of(authored)))
     if has_sizes:  # by the schema where nothing is authored
         values.update((name, _size(prim, name, time)) for name in _SIZES[kind])
-    is_seen = has_sizes and _is_seen(UsdGeom.Imageable(prim), time)
+    image = UsdGeom.Imageable(prim) if has_sizes else None
+    is_seen = (
+        image is not None
+        and image.ComputePurpose() not in UNSEEN
+        and image.ComputeVisibility(time) != "invisible"
+    )
     parent = before.get(path.rpartition("/")[0])
     local, is_loose = HERE, False
     apis, no_place = (
@@ -287,7 +289,9 @@ def _prim(
     )
     if is_placed and not no_place:
         xform = UsdGeom.Xformable(prim)
-        local, is_loose = _affine(xform.GetLocalTransformation(time)), xform.GetResetXformStack()
+        numbers = tuple(map(bounded, _SIXTEEN.unpack(xform.GetLocalTransformation(time))))
+        rows = (numbers[:11:4], numbers[1:11:4], numbers[2:11:4])  # USD multiplies from the left
+        local, is_loose = Affine(rows, numbers[12:15]), xform.GetResetXformStack()  # type: ignore[arg-type]
     above = parent.world if parent and not is_loose else HERE
     return ScenePrim(
         path,
@@ -300,17 +304,6 @@ def _prim(
         is_seen,
         is_loose,
     )
-
-
-def _is_seen(image: UsdGeom.Imageable, time: Usd.TimeCode) -> bool:
-    return image.ComputePurpose() not in UNSEEN and image.ComputeVisibility(time) != "invisible"
-
-
-def _affine(matrix: Any) -> Affine:
-    """Return a matrix of USD, which multiplies rows from the left."""
-    numbers = tuple(map(bounded, _SIXTEEN.unpack(matrix)))
-    rows = (numbers[:11:4], numbers[1:11:4], numbers[2:11:4])
-    return Affine(rows, numbers[12:15])  # type: ignore[arg-type]
 
 
 def python_value(value: Any) -> Any:

@@ -96,6 +96,7 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
     reader = PrimReader(stage, path, hidden, platform)
     prims = StagePrims(reader, platform.graph, scan.others)
     kilograms = stage.GetPseudoRoot().GetMetadata("kilogramsPerUnit")
+    default = stage.GetDefaultPrim()
     return StageModel(
         platform=platform,
         up_axis=str(stage.GetMetadata("upAxis")),
@@ -108,7 +109,7 @@ def _read_model(stage: Usd.Stage, platform: Platform, path: str) -> StageModel:
         unresolved=unresolved,
         colliders=StageColliders(prims, reader),
         muted=tuple(find_muted(stage)),
-        default_prim=_path_of(stage.GetDefaultPrim()),
+        default_prim=str(default.GetPath()) if default else "",
         instances=frozenset(scan.instances),
         overridden=tuple(scan.overridden),
         scripts=tuple(scan.scripts),
@@ -125,10 +126,6 @@ def _scene(stage: Usd.Stage, platform: Platform, path: str) -> Scene:
 
     with stage_errors(path):
         return read_scene(stage, platform)
-
-
-def _path_of(prim: Usd.Prim) -> str:
-    return str(prim.GetPath()) if prim else ""
 
 
 def _named_products(stage: Usd.Stage, scan: _Scan) -> dict[str, RenderProduct]:
@@ -407,24 +404,21 @@ def _settled(
     node: Node, known: Mapping[str, Mapping[str, OtherName]], releases: Collection[str]
 ) -> Node:
     """Return a node whose wires come from ports by their own names, beside what the file has."""
-    ports = {
-        name: replace(state, sources=tuple(_settled_source(path, known) for path in state.sources))
-        if state.sources
-        else state
-        for name, state in node.ports.items()
-    }
+    ports = dict(node.ports)
+    for name, state in node.ports.items():
+        sources: list[str] = []
+        for path in state.sources:
+            prim, _, port = path.rpartition(".")
+            other = known.get(prim, {}).get(port)
+            sources.append(path if other is None else f"{prim}.{other.name}")
+        if sources:
+            ports[name] = replace(state, sources=tuple(sources))
     implied = {
         other.name: name
         for name, other in known[node.path].items()
         if other.release in releases and other.name not in node.ports
     }
     return replace(node, ports=ports, written_ports={**implied, **node.written_ports})
-
-
-def _settled_source(path: str, known: Mapping[str, Mapping[str, OtherName]]) -> str:
-    prim, _, port = path.rpartition(".")
-    other = known.get(prim, {}).get(port)
-    return path if other is None else f"{prim}.{other.name}"
 
 
 def has_custom_ports(prim: Usd.Prim) -> bool:
