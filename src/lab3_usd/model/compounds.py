@@ -7,7 +7,7 @@ the file stays a node. Source: the page CompoundNodes of Kit's documentation of 
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterable, Mapping
+from collections.abc import Callable, Collection, Iterable, Mapping
 from typing import TypeVar
 
 from msgspec import Struct
@@ -32,16 +32,16 @@ class Compounds(Struct, frozen=True):
             if graph in by_graph:
                 by_graph[self.graph_around(graph, by_graph)] += by_graph.pop(graph)
 
-    def graph_around(self, graph: str, known: Collection[str]) -> str:
+    def graph_around(self, graph: str, graphs: Collection[str]) -> str:
         """Return the graph that holds a compound with this graph, and is that of none."""
-        while graph not in known or graph in self.graphs.values():
+        while graph not in graphs or graph in self.graphs.values():
             graph = graph.rpartition("/")[0]
         return graph
 
-    def within(self, graph: str, known: Collection[str]) -> tuple[str, ...]:
+    def within(self, graph: str, graphs: Collection[str]) -> tuple[str, ...]:
         """Return the graphs of the compounds that a graph holds."""
         inner = self.graphs.values()
-        return tuple(own for own in inner if self.graph_around(own, known) == graph)
+        return tuple(own for own in inner if self.graph_around(own, graphs) == graph)
 
     def is_port(self, source: str) -> bool:
         """Whether a port is one of a compound."""
@@ -77,35 +77,51 @@ def compounds_of(
 
 def opened_nodes(nodes: Iterable[Node], compounds: Compounds) -> list[Node]:
     """Return nodes without the compounds among them, wired through their ports."""
-    known = {node.path: node for node in nodes}
+    by_path = {node.path: node for node in nodes}
 
-    def opened(state: PortState) -> PortState:
-        sources, port = compounds.through(state.sources)
-        if not port:
-            return state if sources == state.sources else replace(state, sources=sources)
-        path, _, name = port.rpartition(".")
-        return replace(known[path].ports.get(name, PortState(name)), name=state.name)
+    def of_compound(path: str, name: str, state: PortState) -> PortState:
+        return replace(by_path[path].ports.get(name, PortState(name)), name=state.name)
 
     return [
-        replace(node, ports={name: opened(state) for name, state in node.ports.items()})
-        for node in known.values()
+        replace(node, ports=_opened(node.ports, compounds, of_compound))
+        for node in by_path.values()
         if node.path not in compounds.graphs
     ]
 
 
 def opened_scene_nodes(nodes: Iterable[SceneNode], compounds: Compounds) -> list[SceneNode]:
     """Return nodes of a scene as `opened_nodes` does."""
-    known = {node.path: node for node in nodes}
+    by_path = {node.path: node for node in nodes}
 
-    def opened(given: Input) -> Input:
-        sources, port = compounds.through(given.sources)
-        if not port:
-            return given if sources == given.sources else replace(given, sources=sources)
-        path, _, name = port.rpartition(".")
-        return known[path].inputs.get(name) or replace(given, sources=())
+    def of_compound(path: str, name: str, given: Input) -> Input:
+        return by_path[path].inputs.get(name) or replace(given, sources=())
 
     return [
-        replace(node, inputs={name: opened(given) for name, given in node.inputs.items()})
-        for node in known.values()
+        replace(node, inputs=_opened(node.inputs, compounds, of_compound))
+        for node in by_path.values()
         if node.path not in compounds.graphs
     ]
+
+
+_State = TypeVar("_State", PortState, Input)
+
+
+def _opened(
+    ports: Mapping[str, _State],
+    compounds: Compounds,
+    of_compound: Callable[[str, str, _State], _State],
+) -> dict[str, _State]:
+    """Return ports as what is behind compounds feeds them.
+
+    `of_compound` returns a port as the own value of a port of a compound feeds it, which is given
+    by its path and name.
+    """
+    opened: dict[str, _State] = {}
+    for name, state in ports.items():
+        sources, port = compounds.through(state.sources)
+        if port:
+            path, _, own_name = port.rpartition(".")
+            opened[name] = of_compound(path, own_name, state)
+        else:
+            opened[name] = state if sources == state.sources else replace(state, sources=sources)
+    return opened
