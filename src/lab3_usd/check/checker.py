@@ -77,8 +77,8 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
         if checkpoint.frames:
             trees = placed.frames.trees or (None,)
             for tree, view in zip(trees, tf_views(whole), strict=True):
-                found = run_rules(rules_of("frames", *STAGE_FAMILIES), [view], lab)
-                run.keep(found if tree is None else _of_tree(found, tree.topic))
+                of_frames = run_rules(rules_of("frames", *STAGE_FAMILIES), [view], lab)
+                run.keep(of_frames if tree is None else _of_tree(of_frames, tree.topic))
         run.findings[:] = with_unmet(fold(run.findings), whole, lab)
         requirements = [item for subject in subjects for item in graph_requirements(subject)]
         requirements += scene_requirements(lab, checkpoint, run.findings)

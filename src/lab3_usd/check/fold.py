@@ -30,16 +30,16 @@ def fold(findings: Iterable[Finding]) -> list[Finding]:
             at.setdefault(prim, []).append(number)
     paths = sorted(at)
     reasons = {
-        number: found
+        number: causes
         for number, finding in enumerate(findings)
-        if finding.assumes and (found := set(_reasons(number, findings, at, paths)))
+        if finding.assumes and (causes := set(_reasons(number, findings, at, paths)))
     }
     gone: set[int] = set()
     while len(gone) < len(reasons):
         resting = [
             number
-            for number, found in reasons.items()
-            if number not in gone and any(other in gone or other not in reasons for other in found)
+            for number, causes in reasons.items()
+            if number not in gone and any(other in gone or other not in reasons for other in causes)
         ]
         gone.update(resting)
         if not resting:

@@ -413,8 +413,8 @@ def _own_parents(node: Node, view: TfView) -> Iterator[Problem]:
     around = next((pair.target for pair in pairs if pair.prim == parent), "")
     if lists_its_parent(node, view):
         what = f"{parent} is the parent prim and a target: its frame is its own parent"
-        others = [path for path in listed_targets(node) if path != parent]
-        yield _self_problem(node, what, others, view)
+        targets = [path for path in listed_targets(node) if path != parent]
+        yield _self_problem(node, what, targets, view)
     elif around:
         what = (
             f"{around} stands for its bodies, the parent prim {parent} among them: "

@@ -78,13 +78,13 @@ def publishers_by_topic(subject: ModelSubject) -> tuple[Publishers, ...]:
             key = (str(endpoint.topic), domain_name(endpoint.domain, subject))
             together.setdefault(key, []).append(endpoint)
     played = role_specs(subject) if isinstance(subject, StageSubject) else {}
-    found = []
+    topics = []
     for group in together.values():
         right = next((endpoint for endpoint in group if endpoint.node.path in played), group[0])
-        others = tuple(endpoint for endpoint in group if endpoint is not right)
-        blamed = tuple(endpoint for endpoint in others if endpoint.node.path not in played)
-        found.append(Publishers(right, others, blamed))
-    return tuple(topic for topic in found if topic.others)
+        surplus = tuple(endpoint for endpoint in group if endpoint is not right)
+        blamed = tuple(endpoint for endpoint in surplus if endpoint.node.path not in played)
+        topics.append(Publishers(right, surplus, blamed))
+    return tuple(topic for topic in topics if topic.others)
 
 
 def _is_meant(endpoint: Endpoint, subject: ModelSubject) -> bool:

@@ -104,8 +104,8 @@ def _gaps(
             reasons = [f"{asset} cannot be found" for asset in assets]
             reasons += ["unknown types " + ", ".join(types)] if types else []
             yield f"no node of {graph} could be judged: {'; '.join(reasons)}"
-    others = ("sublayer", "script")
-    missing_parts = [missing for missing in stage.unresolved if missing.kind not in others]
+    reported_kinds = ("sublayer", "script")
+    missing_parts = [missing for missing in stage.unresolved if missing.kind not in reported_kinds]
     if not graphs and missing_parts and not any(graph.active for graph in subject.graphs()):
         assets = sorted({missing.asset for missing in missing_parts})
         more = f" and {len(assets) - 1} more" if len(assets) > 1 else ""

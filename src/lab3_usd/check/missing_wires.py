@@ -156,8 +156,8 @@ def lost_constant(node: Node, port: str, subject: LintSubject) -> tuple[Edit, ..
         f"{other.path}.{name}"
         for other in _beside(node, subject.stage)
         if other.type is not None and other.type_name in makers
-        for name, known in other.type.ports.items()
-        if known.is_source and name.startswith(INPUT) and (other.path, name) not in read
+        for name, other_port in other.type.ports.items()
+        if other_port.is_source and name.startswith(INPUT) and (other.path, name) not in read
     ]
     return _connect(node, port, outputs)
 
@@ -187,8 +187,8 @@ def clock_publisher(stamp: Stamp, subject: LintSubject) -> tuple[Edit, ...]:
         "restart": stamp.restarts is not False,
     }
     planned, shared = filled(recipe, _ANYWHERE, values, subject.platform)
-    found = likeness(planned, own, subject.stage)
-    return AddGraph.of(extension(planned, shared, found, subject.stage)).contents
+    best = likeness(planned, own, subject.stage)
+    return AddGraph.of(extension(planned, shared, best, subject.stage)).contents
 
 
 _ANYWHERE = "/Clock"  # the graph that is extended has a path of its own

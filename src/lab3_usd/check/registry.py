@@ -273,9 +273,9 @@ def rule(  # noqa: PLR0913 - decorators name them
     Raises:
         ValueError: the id or the name is taken, or there is no such severity or scope.
     """
-    for value, known in ((severity, SEVERITIES), (scope, get_args(Scope))):
-        if value not in known:
-            raise ValueError(f"rule {rule_id}: '{value}' is none of {', '.join(known)}")
+    for value, choices in ((severity, SEVERITIES), (scope, get_args(Scope))):
+        if value not in choices:
+            raise ValueError(f"rule {rule_id}: '{value}' is none of {', '.join(choices)}")
 
     def register(check: Check) -> Check:
         other = _RULES.get(rule_id)
@@ -311,13 +311,13 @@ def _free_id(rule_id: str) -> str:
 
 def own_rules() -> dict[str, Rule]:
     """Return the rules of one's own, in order of id."""
-    names = sorted(name for name, known in _RULES.items() if known.scope == "own")
+    names = sorted(name for name, registered in _RULES.items() if registered.scope == "own")
     return {name: _RULES[name] for name in names}
 
 
-def added_by(known: Rule) -> None:
+def added_by(registered: Rule) -> None:
     """Add a rule that was registered before, as a source of rules that is used again brings it."""
-    _RULES[known.id] = known
+    _RULES[registered.id] = registered
 
 
 def without_rules(names: Iterable[str]) -> None:
@@ -352,7 +352,7 @@ def own_rules_removed_on_exit() -> Iterator[None]:
 
 def families() -> dict[str, str]:
     """Return what the rules of each family are about, by its letters, in the order of lists."""
-    own = {known.family: "custom rules" for known in own_rules().values()}
+    own = {own_rule.family: "custom rules" for own_rule in own_rules().values()}
     return {**FAMILIES, **own}
 
 
@@ -404,7 +404,7 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
 @cache
 def scene_demands() -> tuple[Demands, ...]:
     """Return what the rules imported so far demand of the scene, in order of their ids."""
-    stated = (known.demands for _, known in sorted(_RULES.items()))
+    stated = (registered.demands for _, registered in sorted(_RULES.items()))
     return tuple(dict.fromkeys(demands for demands in stated if demands is not None))
 
 

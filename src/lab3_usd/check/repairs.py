@@ -173,15 +173,15 @@ def other_names(graph: GraphModel, platform: Platform) -> Iterator[OtherNames]:
     types: dict[str, list[Node]] = {}
     ports: dict[str, list[tuple[Node, str, str]]] = {}
     for node in graph.nodes if graph.active else ():
-        others = platform.other_ports(node.type_name)
+        port_names = platform.other_ports(node.type_name)
         if node.type is not None and node.written_type:
-            known = platform.names.types.get(node.written_type)
-            if known is None and is_early:
+            type_name = platform.names.types.get(node.written_type)
+            if type_name is None and is_early:
                 continue  # it has the names of this release
-            if known is None or not platform.is_own(known.release):
+            if type_name is None or not platform.is_own(type_name.release):
                 types.setdefault(platform.names.origin(node.written_type), []).append(node)
         for name, written in node.written_ports.items():
-            release = others[written].release
+            release = port_names[written].release
             if name in node.ports and not platform.is_own(release):
                 ports.setdefault(origin(release), []).append((node, written, name))
     for where, nodes in types.items():
@@ -195,10 +195,10 @@ def other_names(graph: GraphModel, platform: Platform) -> Iterator[OtherNames]:
         what = f"{'a type name' if len(nodes) == 1 else 'type names'} {where}"
         first = nodes[0]
         yield OtherNames(tuple(nodes), what, first.saved_type, first.type_name, tuple(edits))
-    for where, found in ports.items():
-        _, written, name = found[0]
-        nodes = list({node.path: node for node, _, _ in found}.values())
-        what = f"{'a port name' if len(found) == 1 else 'port names'} {where}"
+    for where, uses in ports.items():
+        _, written, name = uses[0]
+        nodes = list({node.path: node for node, _, _ in uses}.values())
+        what = f"{'a port name' if len(uses) == 1 else 'port names'} {where}"
         yield OtherNames(tuple(nodes), what, written, name)
 
 
@@ -246,7 +246,7 @@ def _value_edits(subject: GraphSubject, role: str, node: Node, port: Port) -> It
     from lab3_usd.check.match.conformance import setting_matches
 
     spec, state = subject.spec.nodes[role], node.state(port.name)
-    setting = next((known for known in spec.settings if known.port == port.name), None)
+    setting = next((asked for asked in spec.settings if asked.port == port.name), None)
     if setting is not None:
         is_typed = state is None or state.usd_type in {"", port.usd_type}
         if not is_typed or not setting_matches(node, setting, node.value(port.name)):

@@ -81,9 +81,9 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
             equivalents = subject.roles.equivalents
             is_met = source is not None and is_fed(source, node, expected, equivalents)
         elif type(expected) is Setting:
-            found = settings[item.role, expected.port]
-            is_met = found.met
-            if not is_met and _is_slight(subject, found):
+            judged = settings[item.role, expected.port]
+            is_met = judged.met
+            if not is_met and _is_slight(subject, judged):
                 unmet = replace(unmet, slight=True)
         else:
             is_met = type(expected) is not Target or target_matches(node, expected)
@@ -151,13 +151,13 @@ def _item(
     return _GraphItem(role, expected, met, replace(met, met=False))
 
 
-def _is_slight(subject: GraphSubject, found: Found) -> bool:
+def _is_slight(subject: GraphSubject, judged: Found) -> bool:
     """Whether the robot does the same with the wrong value that is there.
 
     A number is so near that a dry run finds its effect right, even beside that of another. Each
     conversion between metres and the unit of the stage leaves metres as they are.
     """
-    kind, value, wanted = found.node.type, found.value, found.setting.value
+    kind, value, wanted = judged.node.type, judged.value, judged.setting.value
     if kind is None:
         return False
     if isinstance(wanted, float):
@@ -166,7 +166,7 @@ def _is_slight(subject: GraphSubject, found: Found) -> bool:
         from lab3_usd.model.dry_run import FOLLOWS
 
         return math.isclose(value, wanted, rel_tol=FOLLOWS / 2)
-    port = kind.port(found.setting.port)
+    port = kind.port(judged.setting.port)
     is_in_metres = same_value(subject.stage.meters_per_unit, 1.0)
     keeps = is_in_metres and bool(kind.same_in_metres)
     return keeps and port is not None and value in port.allowed

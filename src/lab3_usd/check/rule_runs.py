@@ -69,8 +69,8 @@ def run_rules(rules: Iterable[Rule], subjects: Collection[Any], lab: Lab | None)
     for rule in rules:
         for subject in subjects:
             try:
-                for found in problems_of(rule, subject):
-                    problem = _as_judged(found, rule, subject)
+                for yielded in problems_of(rule, subject):
+                    problem = _as_judged(yielded, rule, subject)
                     asset = problem.rests_on
                     kept = findings if asset is None else left_open
                     kept.append(finding_of(rule, problem, lab))

@@ -74,8 +74,10 @@ def commands_of(roots: tuple[str, ...], stage: StageModel) -> Sequence[Command]:
 @once_per_stage
 def _by_roots(stage: StageModel, roots: tuple[str, ...]) -> tuple[Command, ...]:
     by_root = _by_root(stage)
-    found = {number_of: one for root in roots for number_of, one in by_root.get(root, {}).items()}
-    return tuple(found[number_of] for number_of in sorted(found))
+    by_number = {
+        number_of: one for root in roots for number_of, one in by_root.get(root, {}).items()
+    }
+    return tuple(by_number[number_of] for number_of in sorted(by_number))
 
 
 @once_per_stage
@@ -119,8 +121,10 @@ def _mark(node: Node, port: str, stage: StageModel) -> str:
         for source, output in live_sources(node, port, live_nodes(stage))
         if source.type is not None
     )
-    found = (found.attribute for found, output in listings if found and output == found.output)
-    return next(found, "")
+    names = (
+        listing.attribute for listing, output in listings if listing and output == listing.output
+    )
+    return next(names, "")
 
 
 def _found_joints(node: Node, port: str, stage: StageModel) -> tuple[str, ...] | None:
@@ -197,8 +201,8 @@ def _joints_of(stage: StageModel, robot: str, roots: tuple[str, ...]) -> dict[st
     around = {root.rpartition("/")[0] or root for root in roots}
     by_name: dict[str, Prim] = {}
     for tops in (inside, around):
-        found = {place for top in tops for place in _first_joints(stage).get(top, {}).items()}
-        for name, (_, joint) in sorted(found, key=lambda place: place[1][0]):
+        places = {place for top in tops for place in _first_joints(stage).get(top, {}).items()}
+        for name, (_, joint) in sorted(places, key=lambda place: place[1][0]):
             by_name.setdefault(name, joint)
     return by_name
 
@@ -227,14 +231,14 @@ def cut_off(stage: StageModel) -> Mapping[str, Prim]:
     working = joints(stage)
     if not any(map(is_excluded, working)):
         return {}
-    carrier, known = joined_bodies(stage).carrier, rigid_bodies(stage)
+    carrier, body_paths = joined_bodies(stage).carrier, rigid_bodies(stage)
     ties: dict[str, list[Prim]] = {}
     for joint in working:
         for body in dict.fromkeys(filter(None, map(carrier, ends(joint)))):
             ties.setdefault(body, []).append(joint)
     roots = [prim.path for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
     # A root that is no body may stand for several articulations.
-    reached: dict[str, Prim | None] = {path: None for path in roots if path in known}
+    reached: dict[str, Prim | None] = {path: None for path in roots if path in body_paths}
     ahead = list(reached)
     behind: list[tuple[Prim, str]] = []
     cut: dict[str, Prim] = {}
@@ -248,10 +252,10 @@ def cut_off(stage: StageModel) -> Mapping[str, Prim]:
                 continue
             reached[body] = cause
         for joint in ties.get(body, ()):
-            others = [end for end in map(carrier, ends(joint)) if end and end != body]
+            far_bodies = [end for end in map(carrier, ends(joint)) if end and end != body]
             if cause is not None and not is_excluded(joint):
                 cut.setdefault(joint.path, cause)
-            for other in (end for end in others if end not in reached):
+            for other in (end for end in far_bodies if end not in reached):
                 if is_excluded(joint) or cause is not None:
                     behind.append((cause or joint, other))
                 else:
@@ -286,8 +290,8 @@ def joints_commanded(command: Command, port: str, stage: StageModel) -> list[Pri
     of the joints is fixed.
     """
     if command.names:
-        known = joints_of(command, stage)
-        return [known[name] for name in dict.fromkeys(command.names) if name in known]
+        joint_of = joints_of(command, stage)
+        return [joint_of[name] for name in dict.fromkeys(command.names) if name in joint_of]
     value = effective_value(command.node, port, live_nodes(stage))
     if isinstance(value, tuple):
         is_moving = all(value)
@@ -331,7 +335,7 @@ def reached_joints(command: Command, stage: StageModel, *, with_wheels: bool = F
     pairs = {frozenset(ends(joint)) for joint in tied if not is_switched_off(joint, JOINT_ENABLED)}
     is_fixed = any(len(ends(joint)) < len(BODIES) for joint in joints)  # to the world
     is_chain = len(pairs) < len({path for pair in pairs for path in pair})
-    others = {
+    commanded_elsewhere = {
         name
         for other in commands_of(command.roots, stage)
         if other is not command
@@ -341,7 +345,7 @@ def reached_joints(command: Command, stage: StageModel, *, with_wheels: bool = F
         joint
         for joint in joints
         if joint.type in DRIVEN_AXES
-        and joint.name not in others
+        and joint.name not in commanded_elsewhere
         and (not command.marked_by or command.marked_by in joint.attributes)
         and not any(_MIMIC in api for api in joint.apis)
         and (is_fixed or (with_wheels and _has_drive(joint)) or not _rolls(joint, joints, stage))
@@ -423,13 +427,13 @@ def leaves_joints(command: Command, port: str, stage: StageModel) -> bool:
     """
     joints = joints_commanded(command, port, stage) if command.roots else []
     told = {joint.name for joint in joints}
-    others = (
+    other_lists = (
         named_joints(other, stage)
         for other in commands_of(command.roots, stage)
         if other is not command
     )
     is_alone = wired_commands(command) == [port] and all(
-        names is not None and not told & set(names) for names in others
+        names is not None and not told & set(names) for names in other_lists
     )
     return (
         is_alone and bool(joints) and all(_leaves(joint, port, command.ports) for joint in joints)

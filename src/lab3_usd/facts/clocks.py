@@ -56,8 +56,10 @@ def _stamp_of_helper(endpoint: Endpoint, stage: StageModel) -> Stamp | None:
     if effective_value(node, system, live) is True:
         return Stamp(node, topic, system, "system", None, is_clock=False, domain=endpoint.domain)
     restarts = effective_value(node, restart, live)
-    known = restarts if isinstance(restarts, bool) else None
-    return Stamp(node, topic, restart, "simulation", known, is_clock=False, domain=endpoint.domain)
+    restarting = restarts if isinstance(restarts, bool) else None
+    return Stamp(
+        node, topic, restart, "simulation", restarting, is_clock=False, domain=endpoint.domain
+    )
 
 
 def _stamp_by_wire(endpoint: Endpoint, stage: StageModel) -> Stamp | None:

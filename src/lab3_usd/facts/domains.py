@@ -61,13 +61,13 @@ class ContextInput(Struct, frozen=True, eq=False):
 @once_per_stage
 def context_inputs(stage: StageModel) -> tuple[ContextInput, ...]:
     """Return the context of every live node that takes one."""
-    live, port, found = live_nodes(stage), INPUT + _CONTEXT, list[ContextInput]()
+    live, port, inputs = live_nodes(stage), INPUT + _CONTEXT, list[ContextInput]()
     for node in live.values():
         if node.type is not None and port in node.type.ports:
             contexts = tuple(source for source, _ in live_sources(node, port, live))
             is_set = bool(node.sources(port) or node.value(port)) or node.is_unknown(port)
-            found.append(ContextInput(node, port, contexts, is_set))
-    return tuple(found)
+            inputs.append(ContextInput(node, port, contexts, is_set))
+    return tuple(inputs)
 
 
 def invalid_contexts(stage: StageModel) -> Iterator[tuple[Node, str, Value]]:

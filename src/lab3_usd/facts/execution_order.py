@@ -155,8 +155,8 @@ def is_graph_evaluated(graph: GraphModel, stage: StageModel) -> bool:
 
 def unevaluated_by(graph: GraphModel, stage: StageModel) -> str:
     """Return the attribute that keeps a graph from being evaluated, '' for none."""
-    known = _unevaluated(stage)
-    return known[graph.path] if graph.path in known else _what_stops(graph, stage)
+    reasons = _unevaluated(stage)
+    return reasons[graph.path] if graph.path in reasons else _what_stops(graph, stage)
 
 
 @once_per_stage
@@ -228,8 +228,8 @@ def _spread(
     """
     ahead = [
         path
-        for path, known in states.items()
-        if known == state or (state == "may run" and path in unsure)
+        for path, path_state in states.items()
+        if path_state == state or (state == "may run" and path in unsure)
     ]
     while ahead:
         path = ahead.pop()
@@ -307,12 +307,12 @@ def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
 def signals(node: Node, nodes: Nodes) -> Sources:
     """Return the outputs that trigger this node, or may where a type is unknown."""
     kept = nodes.triggers if type(nodes) is LiveNodes else {}
-    known = kept.get(node.path)
-    if known is None or known[0] is not node:
+    stored = kept.get(node.path)
+    if stored is None or stored[0] is not node:
         fed = (live_sources(node, port, nodes) for port in signal_inputs(node))
         sent = (each for sources in fed for each in sources)
-        known = kept[node.path] = node, tuple(s for s in sent if _may_signal(s[0].type, s[1]))
-    return known[1]
+        stored = kept[node.path] = node, tuple(s for s in sent if _may_signal(s[0].type, s[1]))
+    return stored[1]
 
 
 @lru_cache(maxsize=1024)

@@ -68,8 +68,8 @@ def _value(node: ast.expr, values: Mapping[str, Any]) -> Any:  # noqa: PLR0911 -
         case ast.BinOp(left, kind, right):
             return _OPERATORS[type(kind)](_value(left, values), _value(right, values))
         case ast.BoolOp(kind, parts):
-            found = (_value(part, values) for part in parts)
-            return any(found) if isinstance(kind, ast.Or) else all(found)
+            operands = (_value(part, values) for part in parts)
+            return any(operands) if isinstance(kind, ast.Or) else all(operands)
         case ast.Compare(left, kinds, rest):
             sides = [_value(part, values) for part in (left, *rest)]
             pairs = zip(kinds, pairwise(sides), strict=True)

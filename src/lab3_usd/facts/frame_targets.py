@@ -244,11 +244,11 @@ def computed_pairs(node: Node, stage: StageModel) -> Sequence[Pair]:
     """
     if not listed_targets(node):
         return ()
-    known = _pairs_of_nodes(stage)
-    found = known.get(node.path)
-    if found is None or found[0] is not node:
-        found = known[node.path] = node, _pairs_of(node, stage)
-    return found[1]
+    stored = _pairs_of_nodes(stage)
+    node_pairs = stored.get(node.path)
+    if node_pairs is None or node_pairs[0] is not node:
+        node_pairs = stored[node.path] = node, _pairs_of(node, stage)
+    return node_pairs[1]
 
 
 @once_per_stage

@@ -224,15 +224,17 @@ def shared_tf_topics(stage: StageModel) -> tuple[SharedTopic, ...]:
     Of several namespaces above a TF publisher only the outermost counts (Ros2Node.h:227-275).
     """
     live = live_nodes(stage)
-    found: dict[tuple[str, str, str], dict[str, list[str]]] = {}
+    spaces_of: dict[tuple[str, str, str], dict[str, list[str]]] = {}
     for heard in heard_trees(stage):
         for path in dict.fromkeys(edge.publisher for edge in heard.tree.edges):
             node = live[path]
             prims = moving_prims(node, stage, live)
             if prims and len(node.namespaces) > 1:
                 key = (heard.domain, heard.topic, prims[0][0])
-                found.setdefault(key, {}).setdefault("/".join(node.namespaces), []).append(path)
-    return tuple(_shared(stage, key, spaces) for key, spaces in found.items() if len(spaces) > 1)
+                spaces_of.setdefault(key, {}).setdefault("/".join(node.namespaces), []).append(path)
+    return tuple(
+        _shared(stage, key, spaces) for key, spaces in spaces_of.items() if len(spaces) > 1
+    )
 
 
 def _shared(

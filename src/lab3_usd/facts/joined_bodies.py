@@ -53,9 +53,9 @@ class JoinedBodies(Struct, frozen=True, eq=False):
 def joined_bodies(stage: StageModel) -> JoinedBodies:
     """Return what the joints of a stage tie together, those that are switched off included."""
     paths = bodies_below(stage, "/")
-    known = JoinedBodies(dict.fromkeys(paths, ""), {}, {}, {})
+    ungrouped = JoinedBodies(dict.fromkeys(paths, ""), {}, {}, {})
     tied = [
-        (tuple(known.carrier(end) for end in bodies(joint)), joint.type == FIXED)
+        (tuple(ungrouped.carrier(end) for end in bodies(joint)), joint.type == FIXED)
         for joint in stage.of_type(is_joint_type)
         if joint.present
     ]

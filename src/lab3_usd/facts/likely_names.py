@@ -16,20 +16,20 @@ _NUMBER = r"\d+"
 _WORD = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+"
 
 
-def likely_name(written: str, known: Collection[str]) -> str | None:
+def likely_name(written: str, names: Collection[str]) -> str | None:
     """Return the known name that a name was likely meant to be, None where none is near."""
-    same = [name for name in known if name.lower() == written.lower()]
-    return same[0] if same else _near(written, known, _ALIKE)
+    same = [name for name in names if name.lower() == written.lower()]
+    return same[0] if same else _near(written, names, _ALIKE)
 
 
-def likely_port(written: str, known: Collection[str]) -> str | None:
+def likely_port(written: str, ports: Collection[str]) -> str | None:
     """Return the port of a type that a name was likely meant to be, None where none is near.
 
     What all inputs begin with makes no two of them alike, and one with another word in its name is
     no misspelling: it is another quantity.
     """
     side, _, short = written.partition(":")
-    names = {name.partition(":")[2]: name for name in known if name.partition(":")[0] == side}
+    names = {name.partition(":")[2]: name for name in ports if name.partition(":")[0] == side}
     near = likely_name(short, names)
     return None if near is None or _has_other_word(short, near) else names[near]
 
@@ -43,7 +43,7 @@ def _has_other_word(written: str, near: str) -> bool:
     return any(_near(word, [other], _ALIKE_WORD) is None for word, other in pairs if word != other)
 
 
-def likely_type(written: str, known: Collection[str]) -> str | None:
+def likely_type(written: str, types: Collection[str]) -> str | None:
     """Return the node type that was probably meant: one with the same or a similar last name.
 
     A type of an unknown extension with a known last name is a type of its own, as is a name that
@@ -51,17 +51,17 @@ def likely_type(written: str, known: Collection[str]) -> str | None:
     """
     *before, last = written.split(".")
     last = last.removeprefix("Ogn")
-    same = [name for name in known if name.rpartition(".")[2].removeprefix("Ogn") == last]
-    if len(same) == 1 and last and _is_known_publisher(before, same[0], known):
+    same = [name for name in types if name.rpartition(".")[2].removeprefix("Ogn") == last]
+    if len(same) == 1 and last and _is_known_publisher(before, same[0], types):
         return same[0]
-    near = _of_like_length(written, known, _NEAR_TYPE)
+    near = _of_like_length(written, types, _NEAR_TYPE)
     if not near:
         return None
     letters = re.sub(_NUMBER, "", written)  # of any text, which is not kept
     return _near(written, [name for name in near if _letters(name) != letters], _NEAR_TYPE)
 
 
-def _is_known_publisher(before: list[str], meant: str, known: Collection[str]) -> bool:
+def _is_known_publisher(before: list[str], meant: str, types: Collection[str]) -> bool:
     """Whether a name has the extension of the type that is meant, or another one that is known.
 
     Of an extension whose types are only documented there may be more.
@@ -72,8 +72,8 @@ def _is_known_publisher(before: list[str], meant: str, known: Collection[str]) -
     if before[0] != right[0]:
         return before[0] in right
     start = ".".join(before[:2]) + "."
-    same = [name for name in known if name.startswith(start)]
-    kinds = known if isinstance(known, Mapping) else {}
+    same = [name for name in types if name.startswith(start)]
+    kinds = types if isinstance(types, Mapping) else {}
     return bool(same) and not any(kinds[name].is_documented for name in same if name in kinds)
 
 
@@ -114,16 +114,16 @@ def _letters(name: str) -> str:
     return re.sub(_NUMBER, "", name)
 
 
-def _of_like_length(written: str, known: Collection[str], least: float) -> list[str]:
+def _of_like_length(written: str, names: Collection[str], least: float) -> list[str]:
     """Return the names that can be near: what two have in common is no longer than the shorter."""
     length = len(written)
-    return [name for name in known if 2 * min(length, len(name)) >= least * (length + len(name))]
+    return [name for name in names if 2 * min(length, len(name)) >= least * (length + len(name))]
 
 
-def _near(written: str, known: Collection[str], least: float) -> str | None:
+def _near(written: str, names: Collection[str], least: float) -> str | None:
     from difflib import get_close_matches
 
-    fitting = _of_like_length(written, known, least)
+    fitting = _of_like_length(written, names, least)
     near = get_close_matches(written, fitting, 1, least) if fitting else ()
     return near[0] if near else None
 

@@ -50,15 +50,15 @@ def likeness(planned: Graph, there: GraphModel, stage: StageModel) -> Likeness:
     differences: list[str] = []
     missing = 0
     for node in sorted(planned.nodes.values(), key=lambda node: node.place[0]):
-        found = [
+        candidates = [
             (*_unlike(node, other, planned, node_of, stage), other)
             for other in there.nodes
             if _may_play(node, other, stage) and other not in node_of.values()
         ]
-        if not found:
+        if not candidates:
             continue
         wires, unlike, other = min(
-            found, key=lambda entry: (entry[0], len(entry[1]), entry[2].path)
+            candidates, key=lambda entry: (entry[0], len(entry[1]), entry[2].path)
         )
         node_of[node.role] = other
         missing += wires
@@ -189,7 +189,7 @@ _ROW = 200.0  # units of the graph editor
 def _serves(role: str, graph: Graph, own: Likeness, model: StageModel) -> bool:
     """Whether a node of a graph does what is planned for a role, with all that feeds it."""
     part = _upstream(role, graph)
-    there = next(found for found in model.graphs if found.path == own.path)
+    there = next(model_graph for model_graph in model.graphs if model_graph.path == own.path)
     alone = likeness(part, there, model)
     return alone.is_same and alone.node_of.get(role) is own.node_of[role]
 

@@ -53,8 +53,8 @@ def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:
     for current in (ahead := [node]):
         senders = signals(current, running)
         if event_of(current, platform) is not None or (current is not node and not senders):
-            known = current.type
-            yield current.type_name.rpartition(".")[2] if known is None else known.handout_name
+            kind = current.type
+            yield (current.type_name.rpartition(".")[2] if kind is None else kind.handout_name)
         for source, _ in senders:
             if source.path not in seen:
                 seen.add(source.path)

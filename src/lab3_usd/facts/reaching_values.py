@@ -48,20 +48,20 @@ def live_sources(node: Node, port: str, live: Nodes) -> Sources:
         return ()
     if type(live) is not LiveNodes:
         return _sources(node, port, state, live)
-    known = live.fed.get((node.path, port))
-    if known is None or known[0] is not state:
-        known = live.fed[node.path, port] = state, _sources(node, port, state, live)
-    return known[1]
+    stored = live.fed.get((node.path, port))
+    if stored is None or stored[0] is not state:
+        stored = live.fed[node.path, port] = state, _sources(node, port, state, live)
+    return stored[1]
 
 
 def _sources(node: Node, port: str, state: PortState, live: Nodes) -> Sources:
-    found = []
+    ends = []
     for path in state.sources:
         prim, _, source_port = path.rpartition(".")
         source = live.get(prim)
         if source is not None and is_taken(source, source_port, node, port):
-            found.append((source, source_port))
-    return tuple(found)
+            ends.append((source, source_port))
+    return tuple(ends)
 
 
 def is_taken(source: Node, source_port: str, node: Node, port: str) -> bool:

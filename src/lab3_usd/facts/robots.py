@@ -172,20 +172,20 @@ class Robot(Struct, frozen=True, eq=False):
 @once_per_stage
 def robots(stage: StageModel) -> tuple[Robot, ...]:
     """Return the robots of a stage: those with an articulation in its order, then the others."""
-    found: list[Robot] = []
+    all_robots: list[Robot] = []
     for root in _roots(stage):
         is_link = root.path in rigid_bodies(stage)
         links = [root.path] if is_link else bodies_below(stage, root.path)
-        found.append(_robot(root.path, root.path, links, stage))
-    articulated = {link for robot in found for link in robot.links}
+        all_robots.append(_robot(root.path, root.path, links, stage))
+    articulated = {link for robot in all_robots for link in robot.links}
     joined = joined_bodies(stage)
     groups: dict[str, list[str]] = {}
     for path, first in joined.robots.items():
         groups.setdefault(first, []).append(path)
     for first, paths in groups.items():
         if len(paths) > 1 and articulated.isdisjoint(paths):
-            found.append(_robot("", first, paths, stage))
-    return tuple(replace(robot, sensors=tuple(_sensors_of(robot, stage))) for robot in found)
+            all_robots.append(_robot("", first, paths, stage))
+    return tuple(replace(robot, sensors=tuple(_sensors_of(robot, stage))) for robot in all_robots)
 
 
 def _roots(stage: StageModel) -> list[Prim]:
@@ -308,8 +308,8 @@ def _robot_prim(root: str, base: str, links: Sequence[str], stage: StageModel) -
             return path
     holding = [path for path in upwards(start) if all(is_at_or_below(p, path) for p in links)]
     top = next(iter(holding), start)
-    others = [prim.path for prim in _roots(stage) if prim.path != root]
-    has_more = any(is_at_or_below(path, top) for path in others)
+    other_roots = [prim.path for prim in _roots(stage) if prim.path != root]
+    has_more = any(is_at_or_below(path, top) for path in other_roots)
     has_more |= any(is_at_or_below(prim.path, top) for prim in stage.of_type(SCENE))
     return start if has_more else top
 

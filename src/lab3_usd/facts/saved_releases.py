@@ -71,12 +71,12 @@ def saved_by(stage: StageModel) -> Saved | None:
     signs = tuple(sign for node in nodes for sign in _signs(node, stage))
     old = tuple(sign for node in nodes for sign in _old_name(node, stage))
     strange = tuple(sign for sign in signs if platform.release not in sign.releases)
-    others = (*strange, *(sign for sign in old if platform.release not in sign.releases))
-    if not others:
+    foreign = (*strange, *(sign for sign in old if platform.release not in sign.releases))
+    if not foreign:
         return None
     counts = Counter(name for sign in (*signs, *old) for name in sign.releases)
     fitting = max(counts, key=lambda name: (counts[name], order(name)))
-    return Saved(fitting, others, strange)
+    return Saved(fitting, foreign, strange)
 
 
 def _signs(node: Node, stage: StageModel) -> Iterator[Sign]:

@@ -77,13 +77,13 @@ def known_faults(
     """
     if any(len(value) > _LONG for value in values.written.values() if type(value) is tuple):
         return sensor_faults(platform, values)
-    known = _known_faults(platform)
+    stored = _known_faults(platform)
     key = (alike or values.apis, repr([*values.written.items()]))
-    if key not in known:
-        if len(known) >= _MOST_KNOWN:
-            known.clear()
-        known[key] = sensor_faults(platform, values)
-    return known[key]
+    if key not in stored:
+        if len(stored) >= _MOST_KNOWN:
+            stored.clear()
+        stored[key] = sensor_faults(platform, values)
+    return stored[key]
 
 
 @lru_cache(maxsize=4)
@@ -214,17 +214,17 @@ def _instance_in(name: str, template: str) -> str:
     """Return the instance that a name is of where a template is its own, else ''."""
     if INSTANCE not in template:
         return ""
-    found = fullmatch(escape(template).replace(escape(INSTANCE), "([^:]+)"), name)
-    return found[1] if found else ""
+    match = fullmatch(escape(template).replace(escape(INSTANCE), "([^:]+)"), name)
+    return match[1] if match else ""
 
 
-def _nearest(name: str, known: Iterable[str]) -> str:
+def _nearest(name: str, attributes: Iterable[str]) -> str:
     """Return the known name whose last part is the most like that of a name, '' for none."""
     from difflib import get_close_matches
 
-    short = {each.rpartition(":")[2].lower(): each for each in known}
-    found = get_close_matches(name.rpartition(":")[2].lower(), short, n=1)
-    return short[found[0]] if found else ""
+    short = {each.rpartition(":")[2].lower(): each for each in attributes}
+    near = get_close_matches(name.rpartition(":")[2].lower(), short, n=1)
+    return short[near[0]] if near else ""
 
 
 def _odd_instances(apis: tuple[str, ...], models: SensorModels) -> Iterator[SensorFault]:

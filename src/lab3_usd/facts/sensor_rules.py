@@ -212,17 +212,17 @@ def _of_another_size(place: _Place, wrong: set[str]) -> Iterator[Breach]:
         return
     odd: dict[int, list[str]] = {}
     for name in map(place.whole, rule.of):
-        known, right = entry_count(values.get(name)), int(wanted)
+        entries, right = entry_count(values.get(name)), int(wanted)
         if rule.from_one:
-            known, right = max(1, known), max(1, right)
+            entries, right = max(1, entries), max(1, right)
         is_known = values.get(name) is not None and name not in wrong
-        if known != right and is_known and not (rule.or_empty and not known):
+        if entries != right and is_known and not (rule.or_empty and not entries):
             odd.setdefault(entry_count(values.get(name)), []).append(name)
-    for found, names in odd.items():
+    for size, names in odd.items():
         unset = [name for name in names if name not in values.written]
         short = ", ".join(_short(name) for name in names[1:])
         message = (
-            f"{names[0]}{f' ({short} as well)' if short else ''} has {_entries(found)}"
+            f"{names[0]}{f' ({short} as well)' if short else ''} has {_entries(size)}"
             f"{' by schema' if unset == names else ''}, "
             f"expected {place.shown(rule.entries)}"
         )
@@ -282,10 +282,10 @@ def _unfulfilled(place: _Place, wrong: set[str]) -> Iterator[Breach]:
     if result(place.rule.holds, values) is False:
         name = next((each for each in names if each in place.values.written), names[0])
         message = f"{name} is {_shown(place.values.get(name))}, expected {place.rule.holds}"
-        others = [
+        values_of_others = [
             f"{_short(each)} {_shown(place.values.get(each))}" for each in names if each != name
         ]
-        message += f" ({', '.join(others)})" if others else ""
+        message += f" ({', '.join(values_of_others)})" if values_of_others else ""
         yield Breach((name, *names), message, place.rule.holds, bool(place.instance))
 
 

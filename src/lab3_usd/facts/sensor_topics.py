@@ -63,24 +63,24 @@ def _sensor_topics(stage: StageModel) -> Iterator[SensorTopic]:
         if sensor.type not in reads.types and former.isdisjoint(sensor.apis):
             continue
         products = (product_input(topic) for topic in kind.topics)
-        others = (shown_by(node, other, stage, live) for other in products if other != product)
-        paths = tuple(dict.fromkeys(other.sensor for other in others if other is not None))
+        views = (shown_by(node, other, stage, live) for other in products if other != product)
+        paths = tuple(dict.fromkeys(other.sensor for other in views if other is not None))
         yield SensorTopic(endpoint, reads, sensor, shown, port, frame, product, paths)
 
 
 @once_per_stage
 def frame_prims(stage: StageModel) -> Mapping[tuple[str, str], tuple[str, ...]]:
     """Return the prims whose places the frames of each domain have, by domain and frame."""
-    found: dict[tuple[str, str], dict[str, None]] = {}
+    prims_of: dict[tuple[str, str], dict[str, None]] = {}
     live = live_nodes(stage)
     for edge in all_edges(stage):
         maker = live[edge.cause]
         above = parent_prim(maker)
         if edge.prim:
-            found.setdefault((edge.domain.name, edge.child), {})[edge.prim] = None
+            prims_of.setdefault((edge.domain.name, edge.child), {})[edge.prim] = None
             if stage.prim(above) and edge.parent == parent_frame(maker, stage):
-                found.setdefault((edge.domain.name, edge.parent), {})[above] = None
-    return {key: tuple(prims) for key, prims in found.items()}
+                prims_of.setdefault((edge.domain.name, edge.parent), {})[above] = None
+    return {key: tuple(prims) for key, prims in prims_of.items()}
 
 
 @once_per_stage
@@ -90,7 +90,7 @@ def resting_frames(stage: StageModel) -> frozenset[tuple[str, str]]:
     They are above a transform that follows a body, or the world's, below which prims hang that
     have no other parent.
     """
-    live, known = live_nodes(stage), frame_prims(stage)
+    live, prims_of = live_nodes(stage), frame_prims(stage)
     resting: set[tuple[str, str]] = set()
     for heard in heard_trees(stage):
         for edge in heard.tree.edges:
@@ -100,4 +100,4 @@ def resting_frames(stage: StageModel) -> frozenset[tuple[str, str]]:
             if is_odometry or (is_world and not parent_prim(maker)):
                 above = (edge.parent, *heard.tree.above(edge.parent))
                 resting.update((heard.domain, name) for name in above)
-    return frozenset(key for key in resting if key not in known)
+    return frozenset(key for key in resting if key not in prims_of)

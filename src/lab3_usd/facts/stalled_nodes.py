@@ -76,8 +76,8 @@ def is_needed(node: Node, port: str, stage: StageModel) -> bool:
     for need in needs_of(node, stage.platform, live):
         if port.removeprefix(INPUT) in need.inputs:
             is_written = value is not None and (need.zero_counts or not is_nothing(value))
-            others = (INPUT + name for name in need.inputs if INPUT + name != port)
-            if not is_written and not any(_brings_data(node, other, live) for other in others):
+            inputs = (INPUT + name for name in need.inputs if INPUT + name != port)
+            if not is_written and not any(_brings_data(node, other, live) for other in inputs):
                 return True
     if kind.type in stage.platform.needs or has_side_effects(node):
         return False

@@ -58,14 +58,14 @@ def machines(stage: StageModel) -> Machines | None:
 
 def driven_machines(stage: StageModel) -> Iterator[tuple[Node, Machine]]:
     """Yield the robots whose wheels controllers drive, each with the node that commands it."""
-    found: set[str] = set()
+    bases: set[str] = set()
     for command, _, wheels in driven_wheels(stage):
-        known = machines(stage)
+        built = machines(stage)
         ends = (path for wheel in wheels for path in wheel.relationships.get(BODIES[1], ()))
-        members = (known.member.get(path) for path in ends) if known is not None else ()
+        members = (built.member.get(path) for path in ends) if built is not None else ()
         machine = next(filter(None, members), None)
-        if machine is not None and machine.base not in found:
-            found.add(machine.base)
+        if machine is not None and machine.base not in bases:
+            bases.add(machine.base)
             yield command.node, machine
 
 
@@ -169,8 +169,8 @@ def _centre_of(prim: Prim, shapes: Sequence[Collider], stage: StageModel) -> tup
     centre = vector(prim.attributes.get(CENTRE)) if CENTRE in prim.attributes else None
     if (centre is None or max(map(abs, centre)) >= UNSET) and shapes:
         return _middle(_around(shapes))
-    known = centre if centre is not None and max(map(abs, centre)) < UNSET else (0.0, 0.0, 0.0)
-    x, y, z = scaled(transform_point(known, prim.world or IDENTITY), stage.meters_per_unit)
+    local = centre if centre is not None and max(map(abs, centre)) < UNSET else (0.0, 0.0, 0.0)
+    x, y, z = scaled(transform_point(local, prim.world or IDENTITY), stage.meters_per_unit)
     return (x, y) if stage.up_axis == "Z" else (x, -z)
 
 

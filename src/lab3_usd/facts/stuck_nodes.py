@@ -58,7 +58,7 @@ class Stuck(Struct, frozen=True, eq=False):
 @once_per_stage
 def stuck_nodes(stage: StageModel) -> dict[str, Stuck]:
     """Return the nodes that do nothing although they may run, by path."""
-    found: dict[str, Stuck] = {}
+    by_path: dict[str, Stuck] = {}
     for one in (
         *_without_body(stage),
         *_without_prim(stage),
@@ -70,8 +70,8 @@ def stuck_nodes(stage: StageModel) -> dict[str, Stuck]:
         ),
         *_without_scan(stage),
     ):
-        found.setdefault(one.node.path, one)
-    return found
+        by_path.setdefault(one.node.path, one)
+    return by_path
 
 
 @once_per_stage
@@ -80,11 +80,11 @@ def working_states(stage: StageModel) -> dict[str, State]:
 
     As `run_states`, except for nodes that are stuck and those that wait for their signals.
     """
-    stuck, known = stuck_nodes(stage), run_states(stage)
+    stuck, states = stuck_nodes(stage), run_states(stage)
     if not stuck:
-        return known
+        return states
     surely = {path for path, one in stuck.items() if one.sure}
-    at_most = states_without(stage, stuck=surely) if surely else known
+    at_most = states_without(stage, stuck=surely) if surely else states
     at_least = states_without(stage, stuck=stuck)
     return {
         path: "runs" if at_least.get(path) == "runs" and path not in stuck else "may run"
@@ -205,8 +205,8 @@ def _is_hollow(path: str, stage: StageModel) -> bool:
 def _has_other(node: Node, asked: TargetOf, platform: Platform, live: Nodes) -> bool:
     """Whether a node is given something that it works with instead of its prim."""
     needs = platform.needs.get(node.type.type, ()) if node.type is not None else ()
-    others = (name for need in needs if asked.input in need.inputs for name in need.inputs)
-    return any(is_given(node, name, live) for name in others if name != asked.input)
+    inputs = (name for need in needs if asked.input in need.inputs for name in need.inputs)
+    return any(is_given(node, name, live) for name in inputs if name != asked.input)
 
 
 class RefusedTarget(Struct, frozen=True, eq=False):
@@ -261,13 +261,13 @@ def _is_part(prim: Prim, stage: StageModel) -> bool:
 def _around(prim: Prim, stage: StageModel) -> frozenset[str]:
     """Return a body or joint, and what joints tie to it."""
     ahead = [prim.path] if is_body(prim) else list(ends(prim)) if is_joint(prim) else []
-    found = {*ahead}
+    paths = {*ahead}
     while ahead:
         tied = joints_at([ahead.pop()], stage)
-        new = {path for joint in tied for path in (joint.path, *ends(joint))} - found
-        found |= new
+        new = {path for joint in tied for path in (joint.path, *ends(joint))} - paths
+        paths |= new
         ahead += new
-    return frozenset(found)
+    return frozenset(paths)
 
 
 def switched_off_target(node: Node, stage: StageModel) -> str:

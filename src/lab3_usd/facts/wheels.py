@@ -174,14 +174,14 @@ def rolling_radius(link: str, axle: Vector, stage: StageModel) -> tuple[float | 
 
     Without any collider nothing is there: ''.
     """
-    found: list[tuple[float, str]] = []
+    radii: list[tuple[float, str]] = []
     shapes = list(stage.colliders.below(link))
     for shape in shapes:
         radius = _round(shape, axle, stage)
         if radius is not None:
-            found.append((radius, shape.path))
-    if found:
-        return max(found)
+            radii.append((radius, shape.path))
+    if radii:
+        return max(radii)
     return None, shapes[0].path if shapes else ""
 
 

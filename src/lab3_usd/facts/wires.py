@@ -159,8 +159,8 @@ def _element_type(node: Node, port: str, live: Nodes) -> str:
     if node.type is None or dynamic is None or not port.removeprefix(stem).isdecimal():
         return ""
     element = _array_type(node, node.type, dynamic, {}, _NONE).removesuffix("[]")
-    others = (name for name in node.ports if name.removeprefix(stem).isdecimal())
-    return element if element in {_fed_type(node, name, live, _NONE) for name in others} else ""
+    inputs = (name for name in node.ports if name.removeprefix(stem).isdecimal())
+    return element if element in {_fed_type(node, name, live, _NONE) for name in inputs} else ""
 
 
 def _fed_type(node: Node, port: str, live: Nodes, behind: frozenset[str]) -> str:

@@ -77,8 +77,8 @@ def _type(name: str, platform: Platform) -> NodeType:
     """
     kind, written = platform.types.get(name), platform.written_name(name)
     if kind is None:
-        known = platform.releases_of(name)
-        there = f"; it is in {', '.join(known)}" if known else ""
+        releases = platform.releases_of(name)
+        there = f"; it is in {', '.join(releases)}" if releases else ""
         raise GraphError(f"Isaac Sim {platform.release} has no {name}{there}")
     if platform.type_name(written) != name:
         raise GraphError(
@@ -102,8 +102,8 @@ def _value(value: Any, values: Mapping[str, Any]) -> Any:
     """Return a value with its holes filled, None where nothing fills the hole."""
     if isinstance(value, str) and value.startswith(_HOLE):
         name, _, key = value.removeprefix(_HOLE).partition(".")
-        found = values.get(name)
-        return found.get(key) if key and found is not None else found
+        filling = values.get(name)
+        return filling.get(key) if key and filling is not None else filling
     if isinstance(value, (list, tuple)):
         return tuple(_value(entry, values) for entry in value)
     return value

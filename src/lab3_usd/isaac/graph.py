@@ -118,9 +118,9 @@ def type_named(name: str, platform: Platform) -> NodeType:
     Raises:
         GraphError: there is no such type, or several have the short name.
     """
-    found = platform.types.get(name)
-    if found is not None:
-        return found
+    node_type = platform.types.get(name)
+    if node_type is not None:
+        return node_type
     kinds = [kind for kind in platform.types if "." not in name and _short(kind) == _short(name)]
     if len(kinds) == 1:
         return platform.types[kinds[0]]
@@ -134,11 +134,11 @@ def _short(name: str) -> str:
     return name.rpartition(".")[2].removeprefix(_COMMON_PREFIX)
 
 
-def near_name(name: str, known: Iterable[str]) -> str:
+def near_name(name: str, names: Iterable[str]) -> str:
     """Return the end of a sentence that offers the known name that is nearest, '' for none."""
     from difflib import get_close_matches
 
-    near = get_close_matches(name, sorted(set(known)), 1, _ALIKE)
+    near = get_close_matches(name, sorted(set(names)), 1, _ALIKE)
     return f"; did you mean '{near[0]}'?" if near else ""
 
 
@@ -184,8 +184,8 @@ def input_of(kind: NodeType, short: str) -> Port:
     """
     port = kind.input(short) or (kind.port(INPUT + short) if kind.grows else None)
     if port is None:
-        known = [name.removeprefix(INPUT) for name in kind.ports if name.startswith(INPUT)]
-        raise GraphError(f"{kind.type} has no input '{short}'{near_name(short, known)}")
+        inputs = [name.removeprefix(INPUT) for name in kind.ports if name.startswith(INPUT)]
+        raise GraphError(f"{kind.type} has no input '{short}'{near_name(short, inputs)}")
     return port
 
 
@@ -241,8 +241,8 @@ def make_wire(source: Node, out: str, target: Node, into: str) -> Wire:
     """
     start = source.type.source(out)
     if start is None:
-        known = [p.short for p in source.type.ports.values() if p.is_source]
-        raise GraphError(f"{source.type.type} has no output '{out}'{near_name(out, known)}")
+        outputs = [p.short for p in source.type.ports.values() if p.is_source]
+        raise GraphError(f"{source.type.type} has no output '{out}'{near_name(out, outputs)}")
     end = _wire_end(target, into)
     if not can_connect(start, end):
         raise GraphError(f"{start.ogn_type} cannot be wired to {end.ogn_type}")
@@ -255,8 +255,8 @@ def _wire_end(node: Node, short: str) -> Port:
         if node.type.source(short) is not None:
             what = "is an output, a wire ends at an input"
         else:
-            known = [name.removeprefix(INPUT) for name in node.type.ports if INPUT in name]
-            what = f"is not there{near_name(short, known)}"
+            inputs = [name.removeprefix(INPUT) for name in node.type.ports if INPUT in name]
+            what = f"is not there{near_name(short, inputs)}"
         raise GraphError(f"'{short}' of {node.type.type} {what}")
     if not node.type.grows and port.name not in (*node.type.ports, *node.added):
         raise GraphError(f"{port.name} does not exist until 'ports' of {node.role} names it")

@@ -33,11 +33,11 @@ def messages() -> Mapping[str, Mapping[str, str]]:
 @cache
 def _packages() -> Mapping[str, frozenset[str]]:
     """Return the names of the messages of each package."""
-    found: dict[str, set[str]] = {}
+    names_of: dict[str, set[str]] = {}
     for kind in messages():
         package, _, name = kind.partition(f"/{MESSAGES}/")
-        found.setdefault(package, set()).add(name)
-    return {package: frozenset(names) for package, names in found.items()}
+        names_of.setdefault(package, set()).add(name)
+    return {package: frozenset(names) for package, names in names_of.items()}
 
 
 def why_no_message(package: str, folder: str, name: str) -> str:
@@ -50,11 +50,11 @@ def why_no_message(package: str, folder: str, name: str) -> str:
         return f"messages are in {MESSAGES}, not in {folder}"
     if re.fullmatch(_NAME, name) is None:
         return f"{name} is not the name of a message"
-    known = _packages()
-    if folder == MESSAGES and package in known and name not in known[package]:
+    packages = _packages()
+    if folder == MESSAGES and package in packages and name not in packages[package]:
         return f"{package} has no {name}"
     for other in (f"{package}s", package.removesuffix("s")):
-        if package not in known and other in known:
+        if package not in packages and other in packages:
             return f"there is no package {package}, but {other}"
     return ""
 

@@ -73,7 +73,7 @@ class Names(Struct, frozen=True):
     @property
     def releases(self) -> set[str]:
         """The releases that have other names."""
-        ports = (other for known in self.ports.values() for other in known.values())
+        ports = (other for names_of in self.ports.values() for other in names_of.values())
         return {other.release for other in (*self.types.values(), *ports) if other.release}
 
     def origin(self, name: str) -> str:

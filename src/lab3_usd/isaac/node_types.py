@@ -115,13 +115,13 @@ _PRECISIONS = {"d": "double", "f": "float", "h": "half", "": "double"}
 def without_role(ogn_type: str) -> tuple[str, str]:
     """Split a type as `shape_of`, with numbers for a role: `vectord[3]` is `double[3]`."""
     element, shape = shape_of(ogn_type)
-    known = re.fullmatch(_ROLES, element)
-    if known is None:
+    match = re.fullmatch(_ROLES, element)
+    if match is None:
         return "string" if element == "path" else element, shape
-    if known[1] in {"matrix", "frame", "transform"}:
+    if match[1] in {"matrix", "frame", "transform"}:
         rows = int(shape[1])
         shape = f"[{rows * rows}]{shape[3:]}"
-    return _PRECISIONS[known[2]], shape
+    return _PRECISIONS[match[2]], shape
 
 
 def drops_wire(source: Port, target: Port) -> bool:

@@ -181,12 +181,12 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
 
     def versions(self, node_type: str) -> Mapping[str, int]:
         """Return the version that a type has in each release."""
-        known = self._versions.get(node_type)
-        if known is None:
-            known = self._versions_of(node_type)
-            if known:  # a file may name any type
-                self._versions[node_type] = known
-        return known
+        by_release = self._versions.get(node_type)
+        if by_release is None:
+            by_release = self._versions_of(node_type)
+            if by_release:  # a file may name any type
+                self._versions[node_type] = by_release
+        return by_release
 
     def newest_version(self, node_type: NodeType) -> int:
         """Return the newest version of a type in any release."""
@@ -205,17 +205,17 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
         return {}
 
     def _versions_of(self, node_type: str) -> dict[str, int]:
-        known = self.base.get(node_type)
-        found: dict[str, int] = {}
+        base = self.base.get(node_type)
+        versions: dict[str, int] = {}
         for name in self.releases_of(node_type):
             release = self.releases.get(name)
-            kind = known if release is None else release.has.get(node_type, known)
+            kind = base if release is None else release.has.get(node_type, base)
             changes = None if release is None else release.types.get(node_type)
             if changes is not None and changes.version is not None:
-                found[name] = changes.version
+                versions[name] = changes.version
             elif kind is not None:
-                found[name] = kind.version
-        return found
+                versions[name] = kind.version
+        return versions
 
     def in_release(self, name: str) -> Platform:
         """Return Isaac Sim as it is in a release: its types, ports, defaults and tokens."""

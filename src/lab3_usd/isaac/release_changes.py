@@ -138,13 +138,13 @@ class ReleaseChanges(Struct, frozen=True, forbid_unknown_fields=True):
 
     def successor(self, kind: str) -> tuple[str, Successor] | None:
         """Return the type in place of one, and what is known of it."""
-        found = ((each.of(kind), each) for each in self.successors)
-        return next(((name, each) for name, each in found if name), None)
+        named = ((each.of(kind), each) for each in self.successors)
+        return next(((name, each) for name, each in named if name), None)
 
     def gone(self, kind: str, port: str) -> GonePort | None:
         """Return what became of a port of a type, None where that is not known."""
-        known = self.ports.get(kind, {})
-        return known.get(port, known.get(ANY))
+        change_of = self.ports.get(kind, {})
+        return change_of.get(port, change_of.get(ANY))
 
     def does_nothing(self, kind: str, port: str, release: str) -> bool:
         """Whether the value of a port does nothing in a release."""

@@ -147,14 +147,14 @@ class SensorModels(Struct, frozen=True, eq=False):
         """
         applied = frozenset(apis)
         if applied not in self.known:
-            found: dict[str, SchemaAttribute] = {}
+            attributes: dict[str, SchemaAttribute] = {}
             named = sorted(
                 self.applied(applied), key=lambda pair: bool(self.schemas[pair[0]].brings)
             )
             for name, instance in named:
                 for attribute, said in self.schemas[name].attributes.items():
-                    found[attribute.replace(INSTANCE, instance)] = said
-            self.known[applied] = found
+                    attributes[attribute.replace(INSTANCE, instance)] = said
+            self.known[applied] = attributes
         return self.known[applied]
 
     def applied(self, apis: Iterable[str]) -> Iterator[tuple[str, str]]:

@@ -240,7 +240,7 @@ def judge_best(
     """
     judged = [(judge(observation), number) for number, observation in enumerate(shown)]
     problems, best = min(reversed(judged), key=lambda each: len(each[0]), default=([], 0))
-    later = [found[-1] for found, number in judged if found and number > best]
+    later = [files[-1] for files, number in judged if files and number > best]
     if problems or not later:
         return problems
     message = f"{later[-1].message}; {shown[best].file} shows it right"

@@ -108,9 +108,9 @@ def of_drive(
         other = next((api for api in sorted(apis) if api.startswith(f"{DRIVE}:")), None)
         if other is None:
             return JointFault("has no drive", None, f"drive:{kind}")
-        found = other.partition(":")[2]
-        text = f"has a drive:{found} in place of drive:{kind}"
-        return JointFault(text, None, f"drive:{kind}", found)
+        other_kind = other.partition(":")[2]
+        text = f"has a drive:{other_kind} in place of drive:{kind}"
+        return JointFault(text, None, f"drive:{kind}", other_kind)
     force, stiffness, damping = drive.force, drive.stiffness or 0.0, drive.damping or 0.0
     if force is not None and force <= 0.0:
         name = f"{drive.start}maxForce"

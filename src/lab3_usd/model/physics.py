@@ -139,14 +139,14 @@ def joints_at(paths: Iterable[str], stage: StageModel) -> list[Prim]:
     They come in the order of the stage.
     """
     tying = _tying(stage)
-    found = {order: joint for path in paths for order, joint in tying.get(path, {}).items()}
-    return [found[order] for order in sorted(found)]
+    joint_of = {order: joint for path in paths for order, joint in tying.get(path, {}).items()}
+    return [joint_of[order] for order in sorted(joint_of)]
 
 
 def working_joints_at(paths: Iterable[str], stage: StageModel) -> list[Prim]:
     """Return those of `joints` that tie one of some bodies."""
-    found = joints_at(paths, stage)
-    return [joint for joint in found if not is_switched_off(joint, JOINT_ENABLED)]
+    at_paths = joints_at(paths, stage)
+    return [joint for joint in at_paths if not is_switched_off(joint, JOINT_ENABLED)]
 
 
 @once_per_stage

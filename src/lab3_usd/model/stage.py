@@ -160,10 +160,10 @@ class Node(Struct, frozen=True, gc=False):
         state = self.ports.get(port)
         if state is None or not state.usd_type or self.type is None:
             return None
-        known = self.type.ports.get(port) or self.type.port(port)
-        if known is None or known.usd_type == state.usd_type or known.is_union:
+        declared = self.type.ports.get(port) or self.type.port(port)
+        if declared is None or declared.usd_type == state.usd_type or declared.is_union:
             return None
-        return None if are_alike(state.usd_type, known.usd_type) else state.usd_type
+        return None if are_alike(state.usd_type, declared.usd_type) else state.usd_type
 
     def has_port(self, port: str) -> bool:
         """Whether a wire can leave from or end at this port.
@@ -336,8 +336,8 @@ class StageModel(Struct, frozen=True, eq=False):
 
     def prim(self, path: str) -> Prim | None:
         """Return the prim at `path` when it is part of the scene."""
-        found = self.prims.get(path)
-        return found if found is not None and found.present else None
+        prim = self.prims.get(path)
+        return prim if prim is not None and prim.present else None
 
     @property
     def _asked(self) -> Prims:
@@ -468,13 +468,13 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
 
 def absence_reason(stage: StageModel, path: str) -> str:
     """Say why there is no prim at `path`, as the end of a sentence about it."""
-    found = stage.prims.get(path)
-    if found is None:
+    prim = stage.prims.get(path)
+    if prim is None:
         above = _nearest_prim(stage, path)
         if above and not stage.prims[above].present:
             return f"is missing: {above} {absence_reason(stage, above)}"
         return "is missing"
-    if not found.active:
+    if not prim.active:
         return "is deactivated"
     return "is only an over without a def"
 

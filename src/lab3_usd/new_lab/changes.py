@@ -24,15 +24,15 @@ def optional_stages(graphs: Sequence[Mapping[str, GraphModel]]) -> tuple[int, ..
 
     `graphs` are those of each stage by path.
     """
-    found: list[int] = []
-    known: set[str] = set()
+    numbers: list[int] = []
+    earlier: set[str] = set()
     for number, held in enumerate(graphs[:-1]):
-        new = held.keys() - known
+        new = held.keys() - earlier
         if new and not any(new & later.keys() for later in graphs[number + 1 :]):
-            found.append(number)
+            numbers.append(number)
         else:
-            known |= held.keys()
-    return tuple(found)
+            earlier |= held.keys()
+    return tuple(numbers)
 
 
 def removed_prims(
@@ -40,7 +40,7 @@ def removed_prims(
 ) -> dict[int, tuple[str, ...]]:
     """Return the supplied prims that a stage has no more, nor any later one, by its number."""
     required = [number for number in range(len(stages)) if number not in optional]
-    found: dict[int, tuple[str, ...]] = {}
+    removed: dict[int, tuple[str, ...]] = {}
     gone = [path for path in _present(stages[0]) if not _is_in(stages[-1], path)]
     for path in gone:
         if path.rpartition("/")[0] in gone:
@@ -48,8 +48,8 @@ def removed_prims(
         first = next(
             n for n in required if not any(_is_in(stages[m], path) for m in required if m >= n)
         )
-        found[first] = (*found.get(first, ()), path)
-    return found
+        removed[first] = (*removed.get(first, ()), path)
+    return removed
 
 
 def added_prims(
@@ -61,9 +61,9 @@ def added_prims(
         own = [path for path in new if not any(is_at_or_below(path, each) for each in described)]
         tops = [path for path in own if path.rpartition("/")[0] not in own]
         if tops:
-            others = f" and {len(tops) - 1} more" if tops[1:] else ""
+            more = f" and {len(tops) - 1} more" if tops[1:] else ""
             verb = "come" if tops[1:] else "comes"
-            yield f"{SCENE}: props: {tops[0]}{others}, which {verb} with checkpoint {id_}"
+            yield f"{SCENE}: props: {tops[0]}{more}, which {verb} with checkpoint {id_}"
 
 
 def _present(stage: StageModel) -> list[str]:
@@ -98,12 +98,12 @@ def with_changes(
         since = next(iter(there), last)
         until: dict[str, _Values] = {}
         final = {key: dict(data.get(key, {})) for key in _KEYS}
-        found = {
+        values_at = {
             id_: _otherwise(final, stages[id_].data["nodes"].get(role, {}), node, left_out, id_)
             for id_, node in there.items()
         }
-        after = [*list(found.values())[1:], {}]
-        for (id_, values), later in zip(found.items(), after, strict=False):
+        after = [*list(values_at.values())[1:], {}]
+        for (id_, values), later in zip(values_at.items(), after, strict=False):
             if values != later:
                 until[id_] = values
         kept = {key: final.get(key, value) for key, value in data.items()}
@@ -176,21 +176,21 @@ _OF_JOINTS = ("axis", "limits", "stiffness", "damping", "max_force")
 
 
 def steady_scene(
-    scene: Mapping[str, Any], others: Mapping[str, Mapping[str, Any]]
+    scene: Mapping[str, Any], scenes: Mapping[str, Mapping[str, Any]]
 ) -> tuple[dict[str, Any], tuple[str, ...]]:
     """Return a scene with what all stages have, and a line for each thing that some have otherwise.
 
-    `others` are the scenes of the other stages by checkpoint, in their order.
+    `scenes` are the scenes of the other stages by checkpoint, in their order.
     """
     lines: list[str] = []
     data = dict(scene)
-    for id_, other in others.items():
+    for id_, other in scenes.items():
         if other["stage"] != scene["stage"]:
             lines.append(f"{SCENE}: stage: is otherwise in checkpoint {id_}")
     data["world"] = {
         part: value
         for part, value in scene["world"].items()
-        if part == "graph_parent" or not _lacking(lines, f"world: {part}", others, "world", part)
+        if part == "graph_parent" or not _lacking(lines, f"world: {part}", scenes, "world", part)
     }
     for key, robots in (("robot", {"": scene.get("robot")}), ("robots", scene.get("robots", {}))):
         steady = {}
@@ -198,7 +198,7 @@ def steady_scene(
             if robot is None:
                 continue
             own: dict[str, Mapping[str, Any]] = {}
-            for id_, other in others.items():
+            for id_, other in scenes.items():
                 theirs = (other.get("robot"), *other.get("robots", {}).values())
                 at_path = (each for each in theirs if each and each["path"] == robot["path"])
                 own[id_] = next(at_path, {})
@@ -209,10 +209,10 @@ def steady_scene(
 
 
 def _lacking(
-    lines: list[str], key: str, others: Mapping[str, Mapping[str, Any]], *path: str
+    lines: list[str], key: str, scenes: Mapping[str, Mapping[str, Any]], *path: str
 ) -> bool:
     """Whether another stage lacks a part, which is said."""
-    for id_, other in others.items():
+    for id_, other in scenes.items():
         part: Any = other
         for step in path:
             part = part.get(step) if part else None
@@ -224,15 +224,15 @@ def _lacking(
 
 def _steady_robot(
     robot: Mapping[str, Any],
-    others: Mapping[str, Mapping[str, Any]],
+    robots: Mapping[str, Mapping[str, Any]],
     key: str,
     lines: list[str],
 ) -> dict[str, Any]:
     """Return a robot with what it has in all stages, at its pose in the first of them."""
     data = dict(robot)
-    absent = [id_ for id_, other in others.items() if not other]
+    absent = [id_ for id_, other in robots.items() if not other]
     lines += [f"{SCENE}: {key}: is not in checkpoint {id_}" for id_ in absent]
-    there = {id_: other for id_, other in others.items() if other}
+    there = {id_: other for id_, other in robots.items() if other}
     first = next(iter(there.values()), robot)
     if first["pose"] != robot["pose"]:
         stood = [id_ for id_, other in there.items() if other["pose"] == first["pose"]]
@@ -256,8 +256,8 @@ def _steady_robot(
             data[part] = kept
     joints = data.get("joints", {})
     ends = {name: [end for end in joint["links"] if end] for name, joint in joints.items()}
-    known = data.get("links", {})
-    lost = [name for name, links in ends.items() if not all(link in known for link in links)]
+    link_names = data.get("links", {})
+    lost = [name for name, links in ends.items() if not all(link in link_names for link in links)]
     if lost:
         data["joints"] = {name: joint for name, joint in joints.items() if name not in lost}
     return data
@@ -265,7 +265,7 @@ def _steady_robot(
 
 def _steady(
     values: Mapping[str, Any],
-    others: Iterable[Mapping[str, Any]],
+    descriptions: Iterable[Mapping[str, Any]],
     keys: Iterable[str],
     place: str,
     lines: list[str],
@@ -274,25 +274,26 @@ def _steady(
     differing = [
         name
         for name in keys
-        if name in values and any(other.get(name) != values[name] for other in others if other)
+        if name in values
+        and any(other.get(name) != values[name] for other in descriptions if other)
     ]
     lines += [f"{SCENE}: {place}: {name}: {_DIFFERS}" for name in differing]
     return {name: value for name, value in values.items() if name not in differing}
 
 
 def steady_sensors(
-    sensors: Mapping[str, Mapping[str, Any]], others: Mapping[str, Iterable[Mapping[str, Any]]]
+    sensors: Mapping[str, Mapping[str, Any]], sensors_at: Mapping[str, Iterable[Mapping[str, Any]]]
 ) -> tuple[dict[str, dict[str, Any]], tuple[str, ...]]:
     """Return sensors of which only what all stages have alike is required, and what is not.
 
-    `others` are the sensors of the other stages by checkpoint.
+    `sensors_at` are the sensors of the other stages by checkpoint.
     """
     lines: list[str] = []
     steady = {}
     for name, sensor in sensors.items():
         data = dict(sensor)
-        for id_, found in others.items():
-            other = next((each for each in found if each["path"] == sensor["path"]), None)
+        for id_, descriptions in sensors_at.items():
+            other = next((each for each in descriptions if each["path"] == sensor["path"]), None)
             if other is None:
                 continue
             if other["pose"]["translate"] != sensor["pose"]["translate"]:

@@ -127,8 +127,8 @@ def names_of_stages(stems: Sequence[str]) -> FileNames:
 
 def _with_teams(stems: Sequence[str]) -> Sequence[str]:
     """Return names with a placeholder for a number of the team that all of them have."""
-    found = {match[0] if (match := _TEAM_PART.search(stem)) else "" for stem in stems}
-    team = found.pop() if len(found) == 1 else ""
+    teams = {match[0] if (match := _TEAM_PART.search(stem)) else "" for stem in stems}
+    team = teams.pop() if len(teams) == 1 else ""
     if not team:
         return stems
     word = team.rstrip("0123456789")

@@ -63,13 +63,13 @@ def with_types(platform: Platform, unknown: Mapping[str, Any]) -> Platform:
     return with_lab_types(platform, {"types": unknown}, CATALOG)
 
 
-def catalog_text(used: Mapping[str, str], known: Platform, unknown: Mapping[str, Any]) -> str:
+def catalog_text(used: Mapping[str, str], platform: Platform, unknown: Mapping[str, Any]) -> str:
     """Return `node_types.yaml`, '' where every type of the stage is a public one of today.
 
-    `used` maps the names of types as the stage writes them to those of today, `known` is the
+    `used` maps the names of types as the stage writes them to those of today, `platform` is the
     bundled lab's platform.
     """
-    old = {name: new for name, new in sorted(used.items()) if known.type_name(name) != new}
+    old = {name: new for name, new in sorted(used.items()) if platform.type_name(name) != new}
     data: dict[str, Any] = {}
     if old:
         data["renamed"] = old

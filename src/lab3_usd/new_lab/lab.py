@@ -185,13 +185,13 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     scene, differing = steady_scene(scenes.pop(names.ids[-1]), scenes)
     homes = {prim.path: _home(prim.path, texts) for prim in source.sensors}
     sections = {path: PART if home is None else home.handout for path, home in homes.items()}
-    others = {
+    sensors_at = {
         id_: describe_sensors(
             each, dict.fromkeys((prim.path for prim in each.sensors), "") | sections
         ).values()
         for id_, each in zip(names.ids[-len(sources) :], sources[:-1], strict=False)
     }
-    sensors, changing = steady_sensors(describe_sensors(source, sections), others)
+    sensors, changing = steady_sensors(describe_sensors(source, sections), sensors_at)
     scene |= {"sensors": sensors} if sensors else {}
     places = [graph.path for graph in graphs.values()] + [prim.path for prim in source.sensors]
     namespaces = dict(s for path in places for s in namespaces_above(path, stage))
@@ -280,10 +280,10 @@ def in_release_of(paths: Sequence[Path], platform: Platform) -> Platform:
     """
     nodes = [node for path in paths for node in read_stage(path, platform).nodes()]
     later = [name for name in platform.known_releases if order(name) > order(platform.release)]
-    for known in (platform, *map(platform.in_release, later)):
-        kinds = ((known.get(node.type_name), node.version or 0) for node in nodes)
+    for candidate in (platform, *map(platform.in_release, later)):
+        kinds = ((candidate.get(node.type_name), node.version or 0) for node in nodes)
         if all(kind is None or version <= kind.version for kind, version in kinds):
-            return known
+            return candidate
     return platform
 
 
@@ -322,13 +322,13 @@ def _home(sensor: str, texts: Sequence[GraphText]) -> GraphSpec | None:
 
 
 def _files(
-    source: Source, parts: _Parts, steps: tuple[Step, ...], known: Platform
+    source: Source, parts: _Parts, steps: tuple[Step, ...], bundled: Platform
 ) -> dict[str, str]:
-    """Return the text of every file by name; `known` are the bundled lab's node types."""
+    """Return the text of every file by name; `bundled` are the bundled lab's node types."""
     title = parts.names.shared or " ".join(source.stem.replace("_", " ").split())
     nodes = source.stage.nodes()
     used = {node.saved_type: node.type.type for node in nodes if node.type is not None}
-    types = catalog_text(used, known, source.unknown)
+    types = catalog_text(used, bundled, source.unknown)
     return {
         CHECKPOINTS: checkpoints_text(parts.names, title, steps, parts.frames, parts.lab),
         **{f"{text.spec.name}.yaml": _graph_text(text) for text in parts.texts},
@@ -363,11 +363,11 @@ def _frame_names(stage: StageModel, lab: Lab) -> Iterator[tuple[str, str]]:
 def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
     """Return the transforms: what the stage publishes, and what missing assets would add to it."""
     given = list(graph_frames(lab))
-    known = {frame.child for frame in given}
+    children = {frame.child for frame in given}
     edges = {
         edge.child: (edge.parent, edge.child)
         for edge in edges_on(transform_topics(lab), stage)
-        if edge.child in known and edge.parent != edge.child
+        if edge.child in children and edge.parent != edge.child
     }
     for graph_frame in given:
         if graph_frame.parent:
@@ -384,10 +384,10 @@ def _tree(edges: Iterable[tuple[str, str]], bases: Iterable[str]) -> dict[str, A
 
 def _trees(stage: StageModel, lab: Lab) -> dict[str, list[tuple[str, str]]]:
     """Return the transforms by topic, where several have frames of the same names; else nothing."""
-    known = {frame.child for frame in graph_frames(lab)}
+    frames = {frame.child for frame in graph_frames(lab)}
     trees: dict[str, dict[str, tuple[str, str]]] = {}
     for edge in edges_on(transform_topics(lab), stage):
-        if edge.child in known and edge.parent != edge.child:
+        if edge.child in frames and edge.parent != edge.child:
             own = trees.setdefault(edge.topic.removesuffix(STATIC), {})
             own[edge.child] = (edge.parent, edge.child)
     children = [child for own in trees.values() for child in own]

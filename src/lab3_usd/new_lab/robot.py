@@ -57,10 +57,10 @@ def describe_robots(
     robots: dict[str, dict[str, Any]] = {}
     for target, is_articulation in _articulations(stage, graphs):
         robot = _robot(stage, target, graphs, until, is_articulation=is_articulation)
-        if robot["path"] in (known["path"] for known in robots.values()):
+        if robot["path"] in (described["path"] for described in robots.values()):
             continue
         name = robot["path"].rpartition("/")[2]
-        count = sum(known["path"].rpartition("/")[2] == name for known in robots.values())
+        count = sum(described["path"].rpartition("/")[2] == name for described in robots.values())
         robots[f"{name}_{count + 1}" if count else name] = robot
     return robots
 
@@ -119,9 +119,9 @@ def _articulations(stage: StageModel, graphs: Iterable[GraphSpec]) -> Iterator[t
         for root in roots
         if is_at_or_below(root, path) or is_at_or_below(path, root)
     ]
-    known = [path for path in named if path in stage.prims or stage.unresolved_above(path)]
+    paths = [path for path in named if path in stage.prims or stage.unresolved_above(path)]
     yield from ((root, True) for root in dict.fromkeys([*moved, *roots]))
-    for path in [] if roots else known:
+    for path in [] if roots else paths:
         if stage.unresolved_above(path) is not None:
             yield path, True
             return

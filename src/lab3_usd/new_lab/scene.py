@@ -131,8 +131,8 @@ def describe_sensors(source: Source, sections: Mapping[str, str]) -> dict[str, d
     """Describe the sensors by short names; `sections` are the handout's by path."""
     sensors: dict[str, dict[str, Any]] = {}
     for prim in source.sensors:
-        known = _known(prim.type, source.lab)
-        kind = known.kind if known else _word(prim.type)
+        of_lab = _known(prim.type, source.lab)
+        kind = of_lab.kind if of_lab else _word(prim.type)
         taken = sum(sensor["kind"] == kind for sensor in sensors.values())
         name = kind if not taken else f"{kind}_{taken + 1}"
         sensors[name] = _sensor(source, prim, kind, sections[prim.path])
@@ -152,7 +152,7 @@ def _word(type_name: str) -> str:
 
 
 def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, Any]:
-    known = _known(prim.type, source.lab)
+    of_lab = _known(prim.type, source.lab)
     data: dict[str, Any] = {
         "kind": kind,
         "path": prim.path,
@@ -160,7 +160,7 @@ def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, An
         "handout": section,
         "pose": {**pose(prim.local, source.stage.meters_per_unit), "handout": section},
     }
-    same = {} if known is None else to_builtins(known)
+    same = {} if of_lab is None else to_builtins(of_lab)
     data |= {key: same[key] for key in _TAKEN_OVER if same.get(key)}
     if "scan" in data:
         data["scan"]["handout"] = section
@@ -179,14 +179,14 @@ def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, An
 
 
 def _attribute(
-    authored: tuple[str, Value], known: Mapping[str, Any] | None, name: str, section: str
+    authored: tuple[str, Value], usual: Mapping[str, Any] | None, name: str, section: str
 ) -> dict[str, Any]:
     """Describe an attribute: of a known kind those are required that the bundled lab requires."""
     kind, value = authored
     data = {"type": kind, "value": as_typed(value)}
-    if known is None:
+    if usual is None:
         return {**data, "required": True, "handout": section}
-    known_entry = known.get(name, {})
+    known_entry = usual.get(name, {})
     kept = {key: known_entry[key] for key in ("required", "schema") if known_entry.get(key)}
     return {**data, **kept, "handout": section} if kept else data
 
@@ -213,7 +213,7 @@ def appearance_below(source: Source, lab: Lab) -> dict[str, list[str]]:
         for shape in enclosing(prim, on_robot):
             _, *below = shape.path.removeprefix(f"{on_robot.robot.path}/").split("/")
             names.setdefault(on_robot.robot.path, {}).update(dict.fromkeys(below[:1]))
-    return {path: [*found] for path, found in names.items()}
+    return {path: [*materials] for path, materials in names.items()}
 
 
 def describe_scene(
@@ -258,9 +258,9 @@ def describe_scene(
                 if any(map(collides, stage.below(f"{robot['path']}/{link}"))):
                     robot["links"][link]["collision"] = True
         turning = described.get("joints", {})
-        others = describe_joints(stage, robot["path"], robot["links"], turning)
-        if others:
-            robot["joints"] = others
+        moving = describe_joints(stage, robot["path"], robot["links"], turning)
+        if moving:
+            robot["joints"] = moving
     data["world"] |= dict(_world(_subject(stage, data, lab)))
     return data
 

@@ -146,13 +146,13 @@ def _carrying(root: str, ends: dict[str, list[Joint]]) -> str:
     PhysX takes any link as the root of an articulation, and the robot moves the same. One that is
     tied to the world is placed from there.
     """
-    found = {root: None}
+    carriers = {root: None}
     for body in (waiting := [root]):
         for joint in ends[body]:
             if "" in joint.bodies and not joint.kinematic:
                 return body
-            new = [other for other in joint.bodies if other and other not in found]
-            found.update(dict.fromkeys(new))
+            new = [other for other in joint.bodies if other and other not in carriers]
+            carriers.update(dict.fromkeys(new))
             waiting += new
     joints = ends[root]
     if len(joints) == 1 and joints[0].kind != FIXED and joints[0].bodies[1] == root:
@@ -193,7 +193,7 @@ def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint
     return machine
 
 
-def of_another_scene(scene: Scene, known: Bodies) -> dict[str, str]:
+def of_another_scene(scene: Scene, bodies: Bodies) -> dict[str, str]:
     """Return the shapes that do not move and are in no scene of the robots', with the reason.
 
     PhysX simulates what names no scene in the first one.
@@ -204,13 +204,13 @@ def of_another_scene(scene: Scene, known: Bodies) -> dict[str, str]:
         for prim in scene.prims.values()
         if prim.targets.get(OWNER)
     }
-    of_bodies = {owners.get(body, scenes[0] if scenes else "") for body in known.prims}
-    found: dict[str, str] = {}
+    of_bodies = {owners.get(body, scenes[0] if scenes else "") for body in bodies.prims}
+    reasons: dict[str, str] = {}
     for path, owner in owners.items():
-        if not has_collision(scene.prims[path]) or known.of(path):
+        if not has_collision(scene.prims[path]) or bodies.of(path):
             continue
         if owner not in scenes:
-            found[path] = f"belongs to the scene {owner}, which is not there"
+            reasons[path] = f"belongs to the scene {owner}, which is not there"
         elif len(of_bodies) == 1 and owner not in of_bodies:
-            found[path] = f"belongs to the scene {owner}, and the robot to another"
-    return found
+            reasons[path] = f"belongs to the scene {owner}, and the robot to another"
+    return reasons

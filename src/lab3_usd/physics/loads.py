@@ -90,13 +90,13 @@ def _load(
 
 def _positions(machine: Machine, side: float, unit: float) -> Mapping[str, float]:
     """Return where the bodies on driven joints are when all have gone to one side."""
-    found: dict[str, float] = {}
+    positions: dict[str, float] = {}
     for body, joint in machine.parents.items():
         if joint.kind in FAR and joint.stiffness > 0:
             far = FAR[joint.kind] / (unit if joint.kind == SLIDER else 1.0)
             low, high = joint.limits
-            found[body] = max(low, min(high, side * far))
-    return found
+            positions[body] = max(low, min(high, side * far))
+    return positions
 
 
 def _gravity(scene: Scene) -> Vector:

@@ -198,10 +198,10 @@ class Floor(Struct, frozen=True):
     def obstacle(self, x: float, y: float) -> str:
         """Return what stops a wheel at a place, '' for nothing."""
         step = STEP * self.unit
-        found = height_at(self.surfaces, x, y, self.height + HIGH * self.unit)
-        if found is None or found < self.height - step:
+        top = height_at(self.surfaces, x, y, self.height + HIGH * self.unit)
+        if top is None or top < self.height - step:
             return "" if self.goes_on else "the end of the ground"
-        rise = (found - self.height) / self.unit
+        rise = (top - self.height) / self.unit
         return f"a step of {100 * rise:.2g} cm" if rise > STEP else ""
 
 
@@ -435,10 +435,10 @@ class Machine(Struct):
         for wheel in self.wheels:
             u, v = wheel.contact
             at = x + self.x + dx + c * u - s * v, y + self.y + dy + s * u + c * v
-            found = self.floor.obstacle(*at)
-            if found:
+            step = self.floor.obstacle(*at)
+            if step:
                 self.unchecked = LOOKS  # and it is there at the next step as well
-                return found
+                return step
         return ""
 
     def _turn_joints(self, wheels: Sequence[Wheel], speeds: dict[str, float], dt: float) -> None:

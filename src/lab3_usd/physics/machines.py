@@ -113,9 +113,9 @@ class Machines:
         NVIDIA-Omniverse/PhysX, BaseSimulationView.cpp, `getArticulationAtPath`. Of a prim above the
         root lint says that a view may not find it.
         """
-        found = self._articulation(path)
-        if found is not None:
-            return found
+        machine = self._articulation(path)
+        if machine is not None:
+            return machine
         joints = (m for m in self.machines for j in m.joints.values() if j.path == path)
         member = self.member.get(path) or next(joints, None)
         roots = (prim.path for prim in self.scene.prims.values() if ROOT in prim.apis)

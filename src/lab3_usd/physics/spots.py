@@ -31,10 +31,10 @@ class Spot(Struct, frozen=True, dict=True):
         """Return where it is when what it goes with stands so."""
         if posture is None:
             return self.local
-        known = posture.known.get(self.path)
-        if known is None:
-            known = posture.known[self.path] = self._place(posture)
-        return known
+        stored = posture.known.get(self.path)
+        if stored is None:
+            stored = posture.known[self.path] = self._place(posture)
+        return stored
 
     def _place(self, posture: Posture) -> Affine:
         if self.path == posture.machine.base:
@@ -46,10 +46,10 @@ class Spot(Struct, frozen=True, dict=True):
         """Return the way from the world into its frame when what it goes with stands so."""
         if posture is None:
             return self._back
-        known = posture.backs.get(self.path)
-        if known is None:
-            known = posture.backs[self.path] = self.place(posture).inverse()
-        return known
+        stored = posture.backs.get(self.path)
+        if stored is None:
+            stored = posture.backs[self.path] = self.place(posture).inverse()
+        return stored
 
     @cached_property
     def _back(self) -> Affine:

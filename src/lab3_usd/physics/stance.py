@@ -56,16 +56,16 @@ class Stance(Struct, frozen=True):
 def shapes_of(scene: Scene, bodies: Bodies, machine: Machine) -> dict[str, list[Solid]]:
     """Return the collision shapes of each body, with the base turned as at the start."""
     base = Affine(machine.start.rows)
-    found: dict[str, list[Solid]] = {}
+    solids_of: dict[str, list[Solid]] = {}
     for body in machine.rest:
         back = bodies.prims[body].world.rigid().inverse()
         place = base.then(machine.rest[body]).then(back)
-        own = found[body] = []
+        own = solids_of[body] = []
         for prim in scene.below(body):
             if has_collision(prim) and bodies.of(prim.path) == body:
                 shape = solid_of(prim, place.then(prim.world))
                 own += [shape] if shape is not None else []
-    return found
+    return solids_of
 
 
 def masses_of(
@@ -149,9 +149,9 @@ class Contact(Struct, frozen=True):
 def contacts(machine: Machine, stance: Stance, unit: float) -> Iterator[Contact]:
     """Yield the wheels by which a machine touches the ground; `unit` is metres of the stage."""
     for joint in machine.joints.values():
-        found = _contact(machine, joint, stance, unit)
-        if found is not None:
-            yield found
+        contact = _contact(machine, joint, stance, unit)
+        if contact is not None:
+            yield contact
 
 
 def _contact(machine: Machine, joint: Joint, stance: Stance, unit: float) -> Contact | None:
@@ -204,15 +204,15 @@ def _contact(machine: Machine, joint: Joint, stance: Stance, unit: float) -> Con
 
 def _parts(machine: Machine, joint: Joint, link: str) -> list[str]:
     """Return the bodies that turn with a wheel: its link, and what is fixed to that."""
-    found = [link]
-    for body in found:
-        found += [
+    bodies = [link]
+    for body in bodies:
+        bodies += [
             other
             for other, parent in machine.parents.items()
             if parent is not joint and parent.kind == FIXED and body in parent.bodies
-            if other not in found and other != body
+            if other not in bodies and other != body
         ]
-    return [body for body in found if body == link or joint in machine.above(body)]
+    return [body for body in bodies if body == link or joint in machine.above(body)]
 
 
 def _touching(
@@ -224,12 +224,12 @@ def _touching(
         return [(shape, at[shape.path]) for shape in shapes if shape.path in at]
     low = min((s.low for own in stance.solids.values() for s in own), default=0.0)
     near = low + SPRUNG / unit
-    found: list[tuple[Solid, Sequence[Vector]]] = []
+    lowest: list[tuple[Solid, Sequence[Vector]]] = []
     for shape in shapes:
         if shape.low <= near:
             least = shape.low + 1e-4 / unit
-            found.append((shape, [point for point in shape.lowest() if point[2] <= least]))
-    return found
+            lowest.append((shape, [point for point in shape.lowest() if point[2] <= least]))
+    return lowest
 
 
 def _oddness(shape: Solid, at: Vector, axle: Vector, unit: float) -> str:

@@ -102,12 +102,12 @@ class Surface(Struct, frozen=True, dict=True):
 
     def level(self, height: float) -> Sequence[Segment]:
         """Return what the plane z = height cuts out of the surface."""
-        known = self._levels.get(height)
-        if known is None:
+        lines = self._levels.get(height)
+        if lines is None:
             if len(self._levels) >= _MOST_LEVELS:
                 self._levels.clear()
-            known = self._levels[height] = sections(self.crossing((0.0, 0.0, 1.0), height), height)
-        return known
+            lines = self._levels[height] = sections(self.crossing((0.0, 0.0, 1.0), height), height)
+        return lines
 
     @cached_property
     def _levels(self) -> dict[float, Sequence[Segment]]:

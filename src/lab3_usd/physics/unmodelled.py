@@ -94,7 +94,7 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
         if has_collision(prim) and machines.body_of(prim.path) in robot.rest
     ]
     grounds = [above for floor in floors for above in scene.above(floor.path)]
-    found = [
+    effects = [
         *(
             pair
             for prim in scene.prims.values()
@@ -109,7 +109,7 @@ def unmodelled(machines: Machines, robot: Machine) -> dict[str, str]:
         *_owned(scene, [*bodies, *own, *floors]),
         *filtered(machines, [prim.path for prim in own], [floor.path for floor in floors]),
     ]
-    return dict(reversed(found))  # the first of each
+    return dict(reversed(effects))  # the first of each
 
 
 def _bad(prim: ScenePrim, table: Mapping[str, Harmless]) -> Iterator[tuple[str, str]]:

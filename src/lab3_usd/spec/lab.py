@@ -330,8 +330,8 @@ class Lab(Struct, frozen=True, eq=False):
 
     def key_of(self, checkpoint: str) -> str:
         """Return how the files of the lab refer to a checkpoint."""
-        known = self.checkpoints.get(checkpoint)
-        return checkpoint if known is None else known.key or checkpoint
+        point = self.checkpoints.get(checkpoint)
+        return checkpoint if point is None else point.key or checkpoint
 
     def until(self, checkpoint: str) -> tuple[str, ...]:
         """Name the checkpoints up to one of them."""
@@ -402,9 +402,9 @@ class Lab(Struct, frozen=True, eq=False):
 
     def props_at(self, checkpoint: Checkpoint) -> dict[str, PropSpec]:
         """Return the things of the scene at a checkpoint, without those that it has removed."""
-        known = (FROM_THE_FIRST, *self.reached(checkpoint.id))
+        reached = (FROM_THE_FIRST, *self.reached(checkpoint.id))
         props = self.scene.props.items()
-        there = ((name, prop) for name, prop in props if prop.since in known)
+        there = ((name, prop) for name, prop in props if prop.since in reached)
         order = [*self.checkpoints]
         coming = order[order.index(checkpoint.id) :]
         kept = ((name, prop) for name, prop in there if not checkpoint.is_removed(prop.path))
@@ -412,10 +412,10 @@ class Lab(Struct, frozen=True, eq=False):
 
     def topics_until(self, checkpoint: str) -> dict[str, TopicSpec]:
         """Return the topics that are there by a checkpoint."""
-        known = (FROM_THE_FIRST, *self.reached(checkpoint))
+        reached = (FROM_THE_FIRST, *self.reached(checkpoint))
         silent = self.checkpoints[checkpoint].silent
         topics = self.topics.items()
-        return {name: t for name, t in topics if t.since in known and name not in silent}
+        return {name: t for name, t in topics if t.since in reached and name not in silent}
 
 
 @lru_cache(maxsize=64)

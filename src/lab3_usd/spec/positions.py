@@ -67,9 +67,9 @@ def _position(path: Path, keys: Sequence[str]) -> tuple[int, int]:
         whole = _whole(node, written) if is_path else None
         names = written.split("/")[1:] if is_path else [written]
         each = [whole] if whole is not None else (_found(node, name) for name in names)
-        for found in each:
-            if found is not None:
-                mark, node = found
+        for place in each:
+            if place is not None:
+                mark, node = place
     return (1, 1) if mark is None else (mark.line + 1, mark.column + 1)
 
 

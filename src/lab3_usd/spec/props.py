@@ -140,15 +140,15 @@ class PropSpec(
 
     def places(self, there: Iterable[str]) -> tuple[str, ...]:
         """Return the paths of the things: those that are there, and numbered ones up to `count`."""
-        found = [path for path in there if self.stands_at(path)]
-        numbers = range(1, 1 + (self.count or (0 if found else 1)))
+        standing = [path for path in there if self.stands_at(path)]
+        numbers = range(1, 1 + (self.count or (0 if standing else 1)))
         made = (self.path.replace("*", str(number)) for number in numbers)
         can_be = [
             path for path in dict.fromkeys(made) if all(map(str.isidentifier, path.split("/")[1:]))
         ]
-        free = [path for path in can_be if path not in found]
-        lacking = len(free) if self.count is None else max(0, self.count - len(found))
-        return (*found, *free[:lacking])
+        free = [path for path in can_be if path not in standing]
+        lacking = len(free) if self.count is None else max(0, self.count - len(standing))
+        return (*standing, *free[:lacking])
 
     @property
     def plain_values(self) -> dict[str, Any]:

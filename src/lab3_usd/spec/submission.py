@@ -196,7 +196,7 @@ def named_checkpoint(name: str, files: Mapping[str, str]) -> str | None:
     `files` holds the names of the lab, without ending, by checkpoint. `Lab3_031` is not of 03, and
     `jet_a` of a checkpoint `jet_a` rather than of `jet`.
     """
-    longest, found = "", None
+    longest, nearest = "", None
     for checkpoint, prefix in _prefixes(files):
         match = _shape(prefix).match(name)
         if match is None:
@@ -204,8 +204,8 @@ def named_checkpoint(name: str, files: Mapping[str, str]) -> str | None:
         start, rest = match[0], name[match.end() :]
         goes_on = rest[:1].isdigit() if start[-1:].isdigit() else rest[:1].isalnum()
         if not goes_on and len(start) > len(longest):
-            longest, found = start, checkpoint
-    return found
+            longest, nearest = start, checkpoint
+    return nearest
 
 
 def nearly_named(stem: str, files: Mapping[str, str]) -> str | None:

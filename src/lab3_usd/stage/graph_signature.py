@@ -45,8 +45,8 @@ def files_read(path: Path) -> tuple[str, ...]:
 
 def _lines(stage: Usd.Stage) -> Iterator[str]:
     everything = Usd.TraverseInstanceProxies(Usd.PrimDefaultPredicate)
-    found = Usd.PrimRange(stage.GetPseudoRoot(), everything)
-    prims = {str(p.GetPath()): p for p in found if p.GetTypeName() in {_GRAPH, _NODE}}
+    every_prim = Usd.PrimRange(stage.GetPseudoRoot(), everything)
+    prims = {str(p.GetPath()): p for p in every_prim if p.GetTypeName() in {_GRAPH, _NODE}}
     holds = {path: AuthoredProperties(prim) for path, prim in prims.items()}
     names = {
         path: f"<{holds[path][_TYPE].value()}>"

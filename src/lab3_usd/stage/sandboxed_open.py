@@ -263,9 +263,11 @@ def _open_first(bounds: FileBounds, path: Path, real: str) -> Usd.Stage:
     twin = _twin(bounds, real, name)
     if twin is not None:
         twin_name = name_of(bounds, twin)
-        for (stage_name, asset), known in list(bounds.found.items()):
+        for (stage_name, asset), blocked in list(bounds.found.items()):
             if stage_name == twin_name:
-                bounds.found[name, asset] = BlockedAsset(name, asset, known.reason, known.is_error)
+                bounds.found[name, asset] = BlockedAsset(
+                    name, asset, blocked.reason, blocked.is_error
+                )
         return bounds.stages[twin]
     root = open_layer(bounds, real, real)
     close_openings(bounds, root, name)
@@ -300,11 +302,11 @@ def _check_graphs(bounds: FileBounds, stage: Usd.Stage, name: str) -> None:
         above = missing.prim
         while above and above not in bounds.graphs:
             above = above.rpartition("/")[0]
-        known = bounds.found.get((name, missing.asset))
-        if above and known is not None:
-            reason = f"a graph hangs on it, and {known.reason}"
+        blocked = bounds.found.get((name, missing.asset))
+        if above and blocked is not None:
+            reason = f"a graph hangs on it, and {blocked.reason}"
             bounds.found[name, missing.asset] = BlockedAsset(
-                name, known.asset, reason, is_error=True
+                name, blocked.asset, reason, is_error=True
             )
 
 

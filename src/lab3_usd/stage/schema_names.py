@@ -58,10 +58,10 @@ def misnomers(path: Path, types: Collection[str]) -> Iterator[Misnomer]:
 
 def likely_schema(name: str, types: Collection[str]) -> str | None:
     """Return the type that is like a name which no schema has; None for a known or strange one."""
-    known = {*_own_types(), *types}
-    if not name or name in known:
+    schemas = {*_own_types(), *types}
+    if not name or name in schemas:
         return None
-    return next(iter(get_close_matches(name, sorted(known), 1, _ALIKE)), None)
+    return next(iter(get_close_matches(name, sorted(schemas), 1, _ALIKE)), None)
 
 
 def likely_property(prim: Usd.Prim, name: str) -> str | None:

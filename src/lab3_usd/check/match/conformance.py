@@ -52,7 +52,7 @@ class Found(Struct, frozen=True):
 @once_per_stage
 def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
     """Return every setting of every matched node."""
-    found: list[Found] = []
+    judged: list[Found] = []
     namespace = INPUT + subject.lab.platform.ros.namespace
     for node, spec in subject.matched:
         names = {namespace, *spec.type.topics}
@@ -60,8 +60,8 @@ def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
         for setting in spec.settings:
             value = effective_value(node, setting.port, subject.live_nodes)
             met = (is_same_topic and setting.port in names) or setting_matches(node, setting, value)
-            found.append(Found(node, spec, setting, value, met))
-    return tuple(found)
+            judged.append(Found(node, spec, setting, value, met))
+    return tuple(judged)
 
 
 @once_per_stage
@@ -70,7 +70,7 @@ def rightly_fed(subject: GraphSubject) -> frozenset[tuple[str, str]]:
 
     They have it as well as if it were typed there: by a constant, a variable or what these give.
     """
-    asked = {(found.node.path, found.setting.port): found.met for found in settings_of(subject)}
+    asked = {(judged.node.path, judged.setting.port): judged.met for judged in settings_of(subject)}
     unasked = (fault for fault in subject.wire_faults if fault.kind == "unasked")
     right = []
     for node, port in ((fault.node, fault.port) for fault in unasked):
@@ -105,17 +105,17 @@ def right_sources(subject: GraphSubject) -> frozenset[str]:
             for port, state in node.ports.items():
                 for source in state.sources:
                     uses.setdefault(source.rpartition(".")[0], set()).add((node.path, port))
-    found: set[str] = set()
+    paths: set[str] = set()
     waiting = [node.path for node in subject.roles.extra if node.path in uses]
     while True:
         more = {
             path
             for path in waiting
-            if all(end in rightly_fed(subject) or end[0] in found for end in uses[path])
+            if all(end in rightly_fed(subject) or end[0] in paths for end in uses[path])
         }
-        if more <= found:
-            return frozenset(found)
-        found |= more
+        if more <= paths:
+            return frozenset(paths)
+        paths |= more
 
 
 def resolves_as_asked(node: Node, spec: NodeSpec, subject: GraphSubject) -> bool:

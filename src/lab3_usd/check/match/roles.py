@@ -58,10 +58,10 @@ def best_roles(spec: GraphSpec, graph: GraphModel) -> Pairs:
     pairs: Pairs = {}
     spare: dict[str, int] = {}
     for kind, roles in spec.roles_by_type.items():
-        found = by_type.get(kind, [])
-        spare[kind] = len(roles) - len(found)
-        if len(roles) == 1 and len(found) <= 1:
-            pairs[roles[0]] = found[0] if found else None
+        candidates = by_type.get(kind, [])
+        spare[kind] = len(roles) - len(candidates)
+        if len(roles) == 1 and len(candidates) <= 1:
+            pairs[roles[0]] = candidates[0] if candidates else None
     # Roles with few candidates come first: they say most about the others.
     order = sorted(
         (role for role in spec.nodes if role not in pairs), key=lambda role: len(nodes[role])

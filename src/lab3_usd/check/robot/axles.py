@@ -48,8 +48,8 @@ def axles(subject: RobotSubject) -> dict[WheelJoint, Vector]:
 
     The direction is that in the base's frame. Joints of which it is unknown are left out.
     """
-    found = ((joint, _axle(joint, subject)) for joint in tied_joints(subject))
-    return {joint: direction for joint, direction in found if direction}
+    directions = ((joint, _axle(joint, subject)) for joint in tied_joints(subject))
+    return {joint: direction for joint, direction in directions if direction}
 
 
 def _axle(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
@@ -81,7 +81,7 @@ def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] 
         return None
     turned = rotate_by_quaternion(along, joint_turn(values.get(f"physics:localRot{side}")))
     limit = subject.lab.scene.tolerance.axle_angle
-    found = None
+    axle = None
     for shape in subject.stage.with_api(COLLISION_API):
         if shape.type not in _ROLLING or not is_at_or_below(shape.path, joint.link):
             continue
@@ -92,8 +92,8 @@ def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] 
         own = rotate_vector(axis, decompose(seen).rotation)
         if min(angle_between(own, turned), angle_between(own, scaled(turned, -1.0))) <= limit:
             return None
-        found = turned, own
-    return found
+        axle = turned, own
+    return axle
 
 
 def anchor_in_metres(joint: WheelJoint, subject: RobotSubject) -> Vector | None:

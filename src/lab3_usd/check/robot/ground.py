@@ -175,30 +175,32 @@ def _start(subject: RobotSubject) -> Vector:
     return scaled((matrix[12], matrix[13], matrix[14]), subject.stage.meters_per_unit)
 
 
-def moving_body(stage: StageModel, path: str, known: frozenset[str] = frozenset()) -> Prim | None:
+def moving_body(
+    stage: StageModel, path: str, body_paths: frozenset[str] = frozenset()
+) -> Prim | None:
     """Return the rigid body that what stands at a path moves with, None where it stays.
 
-    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `known` are the
-    bodies visited so far: they end the search where joints tie bodies in a ring.
+    Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `body_paths` are
+    the bodies visited so far: they end the search where joints tie bodies in a ring.
     """
     while path:
         prim = stage.prim(path)
         if prim is not None and is_body(prim) and not is_switched_off(prim, BODY_ENABLED):
             is_driven = prim.attributes.get(KINEMATIC) is True
-            is_tied = path not in known and _is_tied(stage, path, known | {path})
+            is_tied = path not in body_paths and _is_tied(stage, path, body_paths | {path})
             return None if is_driven or is_tied else prim
         path = path.rpartition("/")[0]
     return None
 
 
-def _is_tied(stage: StageModel, body: str, known: frozenset[str]) -> bool:
+def _is_tied(stage: StageModel, body: str, body_paths: frozenset[str]) -> bool:
     """Whether a fixed joint ties a body to the world, or to what stays."""
     for joint in joints(stage):
         ends = bodies(joint)
         far_ends = [end for end in ends if not is_at_or_below(end, body)]
         if joint.type == FIXED and len(far_ends) == 1:
             exists = not far_ends[0] or stage.prim(far_ends[0]) is not None
-            if exists and moving_body(stage, far_ends[0], known) is None:
+            if exists and moving_body(stage, far_ends[0], body_paths) is None:
                 return True
     return False
 
@@ -220,8 +222,8 @@ def has_ground(subject: RobotSubject) -> bool:
 
 def one_sided(subject: RobotSubject, usual: str) -> Iterator[Problem]:
     """Say what lies below the robot and carries nothing, as a mesh with its faces turned down."""
-    known = machines(subject.stage)
-    machine = known.member.get(subject.robot.base) if known is not None else None
+    built = machines(subject.stage)
+    machine = built.member.get(subject.robot.base) if built is not None else None
     if machine is not None and machine.no_ground is not None:
         path, why = machine.no_ground
         name = path.rpartition("/")[2]

@@ -24,8 +24,8 @@ def robot_relocations(lab: Lab, stage: StageModel) -> dict[str, str]:
     """Map the paths of robots, and of links that have none, to where they stand instead."""
     relocations: dict[str, str] = {}
     for robot in lab.scene.robots:
-        others = {other.path for other in lab.scene.robots if other is not robot}
-        taken = others | {*relocations.values()}
+        other_paths = {other.path for other in lab.scene.robots if other is not robot}
+        taken = other_paths | {*relocations.values()}
         relocations |= _relocations_of(robot, stage, taken)
     return relocations
 
@@ -87,8 +87,8 @@ def _link_relocations(links: tuple[str, ...], root: str, stage: StageModel) -> d
     if len(missing) == 1 and not relocations:
         prims = (stage.prims[path] for path in bodies_below(stage, root))
         parent = paths[missing[0]].rpartition("/")[0]
-        known = paths.values()
-        bodies = [prim.path for prim in prims if prim.parent == parent and prim.path not in known]
+        placed = paths.values()
+        bodies = [prim.path for prim in prims if prim.parent == parent and prim.path not in placed]
         if len(bodies) == 1:
             relocations[f"{root}/{missing[0]}"] = bodies[0]
     return relocations

@@ -300,13 +300,13 @@ def _joining_frame(
     """
     publishers = {edge.publisher for edge in loose}
     own = {edge.child for edge in loose} | {edge.parent for edge in loose}
-    others = {frame for _, frames in whole.parts for frame in frames} - own
+    other_frames = {frame for _, frames in whole.parts for frame in frames} - own
     return tuple(
         SetValue(pair.tree.path, pair.tree_port, "string", pair.message[1])
         for pair in odometry_pairs(subject.stage)
         if publishers == {pair.tree.path}
         and pair.message[0] == pair.transform[0]
-        and pair.message[1] in others
+        and pair.message[1] in other_frames
         and not pair.tree.sources(pair.tree_port)
     )[:1]
 

@@ -142,16 +142,16 @@ def _deactivated(graph: GraphModel, subject: LintSubject) -> Iterator[Problem]:
         for node in graph.absent
         if is_renamed and node.reason == DEACTIVATED and platform.names.is_old(node.type_name)
     }
-    known = {path: name for path, name in old.items() if name in platform.types}
-    if known:
+    names = {path: name for path, name in old.items() if name in platform.types}
+    if names:
         nodes = (
-            "1 deactivated node has" if len(known) == 1 else f"{len(known)} deactivated nodes have"
+            "1 deactivated node has" if len(names) == 1 else f"{len(names)} deactivated nodes have"
         )
         yield Problem(
             graph.path,
             f"{nodes} an old type name, which Isaac Sim does not rename when it opens the stage",
-            expected=next(iter(known.values())),
-            related=tuple(known),
+            expected=next(iter(names.values())),
+            related=tuple(names),
             severity="note",
             identity=DEACTIVATED,
             hint="write the new name into the file before you activate the node",

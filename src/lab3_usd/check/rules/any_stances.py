@@ -64,8 +64,8 @@ def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
 
 def _tipping(stage: StageModel) -> Iterator[Machine]:
     """Yield the robots on wheels that tip over and that nothing commands."""
-    known = machines(stage)
-    falling = [each for each in known.machines if each.falls] if known is not None else []
+    built = machines(stage)
+    falling = [each for each in built.machines if each.falls] if built is not None else []
     wheeled = robots(stage) if falling else ()
     idle = [each for each in wheeled if not commands_of((each.root,), stage)]
     wheels = {wheel.joint.link for each in idle for wheel in each.wheels}
@@ -83,17 +83,17 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
 
     Example: the collision box of `{robot}/{base}` reaches 1 mm below the wheels.
     """
-    known = machines(subject.stage)
-    for robot in subject.lab.scene.robots if known is not None else ():
+    built = machines(subject.stage)
+    for robot in subject.lab.scene.robots if built is not None else ():
         rolling = map(robot.path_of, robot.wheels.joints.values())
-        members = (known.member.get(link) for link in rolling) if known is not None else ()
+        members = (built.member.get(link) for link in rolling) if built is not None else ()
         machine = next(filter(None, members), None)
         turned = [
             f"{robot.path}/{robot.wheels.joints_below}/{name}" for name in robot.wheels.joints
         ]
         parts = (robot.path, *map(robot.path_of, robot.links), *turned)
         for problem in _carried(machine, subject.stage) if machine is not None else ():
-            body = known.body_of(problem.prim) if known is not None else ""
+            body = built.body_of(problem.prim) if built is not None else ""
             yield replace(
                 problem,
                 handout=subject.lab.handout.behind("S19", robot.handout),
@@ -198,9 +198,9 @@ def starts_inside(subject: ModelSubject) -> Iterator[Problem]:
 
     Example: a wall that reaches 3 cm into the chassis.
     """
-    known = machines(subject.stage)
+    built = machines(subject.stage)
     told: set[frozenset[str]] = set()
-    for machine in known.machines if known is not None else ():
+    for machine in built.machines if built is not None else ():
         for overlap in machine.inside:
             pair = frozenset((overlap.own, overlap.other))
             if pair not in told:
@@ -234,9 +234,9 @@ def impossible_inertia(subject: ModelSubject) -> Iterator[Problem]:
 
     Example: `physics:diagonalInertia = (1, 1, 1)` of a link of 30 g.
     """
-    known = machines(subject.stage)
-    for machine in known.machines if known is not None else ():
-        for path, text in inert(known, machine) if known is not None else ():
+    built = machines(subject.stage)
+    for machine in built.machines if built is not None else ():
+        for path, text in inert(built, machine) if built is not None else ():
             yield Problem(
                 path,
                 text,

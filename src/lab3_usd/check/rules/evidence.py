@@ -240,8 +240,8 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
             [*_missing([*above, *tree.edges], heard, tree.deeper, shown.file)]
             for tree in subject.frames.each  # of which a file shows one
         )
-        found = min(each, key=len)
-        return [_before_localization(subject, problem) for problem in found]
+        problems = min(each, key=len)
+        return [_before_localization(subject, problem) for problem in problems]
 
     yield from judge_best(subject.evidence.view_frames.get("", ()), judge)
 
@@ -285,14 +285,14 @@ def frame_with_two_parents(subject: EvidenceSubject) -> Iterator[Problem]:
         for edge in shown.fact
         if not subject.frames.is_forbidden(edge)  # of such a transform E10 speaks
     )
-    for child, (known, *_) in heard.several_parents.items():
-        first, *others = (edge for edge in heard.by_child[child] if edge.parent != child)
-        for edge in others:
-            if edge.parent == known:
+    for child, (parent, *_) in heard.several_parents.items():
+        first, *edges = (edge for edge in heard.by_child[child] if edge.parent != child)
+        for edge in edges:
+            if edge.parent == parent:
                 continue
             # Two files may be from before and after a repair, one file may not.
             severity: Severity = "error" if edge.publisher == first.publisher else "warning"
-            message = f"{child} hangs below {known} and below {edge.parent}"
+            message = f"{child} hangs below {parent} and below {edge.parent}"
             file, related = edge.publisher, (first.publisher,)
             yield Problem(file, message, child, related=related, severity=severity)
 

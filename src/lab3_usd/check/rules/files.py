@@ -55,13 +55,13 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
         if missing.kind not in ("sublayer", "script"):
             of = PurePath(missing.layer).name if missing.kind == "sublayer of an asset" else ""
             users.setdefault((missing.asset, of), []).append(missing.prim)
-    for (asset, of), (first, *others) in users.items():
+    for (asset, of), (first, *more) in users.items():
         what = f"the sublayer {asset} of {of}" if of else asset
         message = (
             f"not verifiable: {what} cannot be found, so its content at {first} neither passes "
             "nor fails"
         )
-        yield Problem(first, message, actual=asset, related=tuple(others), unopened="asset")
+        yield Problem(first, message, actual=asset, related=tuple(more), unopened="asset")
 
 
 @rule(

@@ -67,14 +67,14 @@ def odom_below_another_frame(view: TfView) -> Iterator[Problem]:
 
 @once_per_stage
 def _placements(view: TfView) -> tuple[_Placement, ...]:
-    guarded, found = view.subject.lab.frames.guarded, dict[str, _Placement]()
+    guarded, placements = view.subject.lab.frames.guarded, dict[str, _Placement]()
     for edge in view.edges:
-        if edge.cause not in found and view.is_guarded(edge):
+        if edge.cause not in placements and view.is_guarded(edge):
             port = _wrong_port(edge.parent, tf_ports(view.live_nodes[edge.cause]), view)
-            found[edge.cause] = _Placement(edge.cause, edge.parent, edge.child, port)
+            placements[edge.cause] = _Placement(edge.cause, edge.parent, edge.child, port)
     for path, node in view.live_nodes.items():
         names = tf_ports(node).names
-        if not names or path in found or path in view.elsewhere:
+        if not names or path in placements or path in view.elsewhere:
             continue
         parent, child = (effective_value(node, name, view.live_nodes) for name in names)
         if not isinstance(child, str) or child not in guarded:
@@ -86,8 +86,8 @@ def _placements(view: TfView) -> tuple[_Placement, ...]:
         runs = path in running_nodes(view.subject.stage)
         unheard = ", though not on a topic of tf2" if runs else ", though nothing triggers it"
         port = _wrong_port(parent, tf_ports(node), view)
-        found[path] = _Placement(path, parent, child, port, unheard)
-    return tuple(found.values())
+        placements[path] = _Placement(path, parent, child, port, unheard)
+    return tuple(placements.values())
 
 
 def _competes(placement: _Placement, frames: FrameSpec) -> bool:

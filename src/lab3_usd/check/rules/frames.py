@@ -234,10 +234,10 @@ def lost_frames(judged: JudgedStage) -> Iterator[Problem]:
         and not _is_named(requirement, faults)
     ]
     publishers = _publishers(judged, lost) if lost else {}
-    others = [path for path in _graphs(judged, publish=False) if path not in publishers]
+    silent = [path for path in _graphs(judged, publish=False) if path not in publishers]
     has_cause = any(
         finding.severity == "error"
-        and not any(is_at_or_below(finding.prim, path) for path in others)
+        and not any(is_at_or_below(finding.prim, path) for path in silent)
         for finding in faults
     )
     because = "because of other faults, " if has_cause else ""

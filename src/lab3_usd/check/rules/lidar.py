@@ -268,10 +268,10 @@ def _blind_ranges(lidar: PresentSensor, scan: ScanSpec, subject: StageSubject) -
     robot = subject.lab.scene.robot_of(prim.path)
     beside = "" if robot is None else robot.path
     is_known = at is not None and is_range
-    found = blind_range(subject.stage, beside, at, (near, far)) if at and is_known else None
-    if found is None:
+    blind = blind_range(subject.stage, beside, at, (near, far)) if at and is_known else None
+    if blind is None:
         return
-    nearest, farthest = found
+    nearest, farthest = blind
     if far is not None and 0 < far < nearest:
         message = (
             f"{scan.ranges[1]} is {display(far)}, and the nearest thing is {nearest:.3g} m away"
@@ -305,11 +305,11 @@ def other_scan(subject: StageSubject) -> Iterator[Problem]:
         values = values_of(lidar.prim, subject.stage)
         faults = [*_part_of_circle(values, scan), *_other_points(values, scan)]
         faults += _part_of_turn(lidar, values, subject)
-        found = [_problem(lidar, scan, fault) for fault in faults]
+        problems = [_problem(lidar, scan, fault) for fault in faults]
         for name in values.attributes or values.written:
             if name.startswith(scan.emitters) and name.rpartition(":")[2] == scan.elevation:
-                found += _not_level(lidar, scan, subject, name)
-        for problem in found:
+                problems += _not_level(lidar, scan, subject, name)
+        for problem in problems:
             name = problem.property or ""
             entry = lidar.spec.attributes.get(name)  # what the lab describes so is no fault
             if entry is None or not same_value(entry.value, values.get(name)):
@@ -404,10 +404,10 @@ def lidar_asset(subject: StageSubject) -> Iterator[Problem]:
     """
     for lidar in present_sensors(subject, LIDAR):
         expected = _stem(lidar.spec.asset_suffix)
-        others = {*subject.lab.scene.forbidden.lidar.names} - {expected}
+        other_names = {*subject.lab.scene.forbidden.lidar.names} - {expected}
         for missing in subject.stage.unresolved:
             made_of = _stem(missing.asset)
-            if missing.prim == lidar.prim.path and made_of in others:
+            if missing.prim == lidar.prim.path and made_of in other_names:
                 yield Problem(
                     lidar.prim.path,
                     f"the lidar is made of {made_of}, expected {expected}",

@@ -180,20 +180,22 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
             pair.append(clock)
     for endpoint in clocks:
         pair = first[endpoint.domain.name]
-        others = [clock for clock in pair if clock.topic != endpoint.topic][:1]
+        elsewhere = [clock for clock in pair if clock.topic != endpoint.topic][:1]
         if endpoint.topic != "/clock":
-            known = (
-                f"another clock is on {others[0].topic}" if others else "programs listen to /clock"
+            reason = (
+                f"another clock is on {elsewhere[0].topic}"
+                if elsewhere
+                else "programs listen to /clock"
             )
             attribute = subject.platform.ros.namespace_attribute  # moves topics of nodes below
             moving = moving_prims(endpoint.node, subject.stage, subject.live)
             yield Problem(
                 endpoint.node.path,
-                f"publishes a clock on {endpoint.topic}; {known}",
+                f"publishes a clock on {endpoint.topic}; {reason}",
                 property=endpoint.port,
                 expected="/clock",
                 actual=endpoint.topic,
-                related=tuple(other.node.path for other in others),
+                related=tuple(other.node.path for other in elsewhere),
                 assumes=tuple((path, attribute) for path, _ in moving),
             )
 
@@ -302,10 +304,10 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
         ):
             first, count = simulated[0], len(simulated)
             more = count - 1
-            others = f" and {more} other topic{'s' * (more > 1)} use" if more else " uses"
+            and_more = f" and {more} other topic{'s' * (more > 1)} use" if more else " uses"
             yield Problem(
                 first.node.path,
-                f"{first.topic}{others} simulation time, but nothing publishes /clock{resting}",
+                f"{first.topic}{and_more} simulation time, but nothing publishes /clock{resting}",
                 expected="a publisher of /clock",
                 related=tuple(dict.fromkeys((*off, *(s.node.path for s in simulated[1:])))),
                 rests_on=next(iter(subject.stage.unresolved), None),

@@ -44,12 +44,12 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
                 for name in need.inputs
                 if node.has_port(INPUT + name)
             )
-            known = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
-            names = ", ".join(f"inputs:{name}" for name in known)
-            fixed, is_zero = _fixed_input(node, known, need, subject)
+            inputs = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
+            names = ", ".join(f"inputs:{name}" for name in inputs)
+            fixed, is_zero = _fixed_input(node, inputs, need, subject)
             unset = f"{names} is not connected and has no value"
-            unset = f"none of {names} is connected or set" if len(known) > 1 else unset
-            wire = likely_wire(node, f"inputs:{known[0]}", subject) if len(known) == 1 else ()
+            unset = f"none of {names} is connected or set" if len(inputs) > 1 else unset
+            wire = likely_wire(node, f"inputs:{inputs[0]}", subject) if len(inputs) == 1 else ()
             wire = () if fixed else wire
             expected = "a wire or a value"
             if fixed:
@@ -58,7 +58,7 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(
                 node.path,
                 (fixed or unset) + (f": {need.effect}" if is_zero else ""),
-                property=f"inputs:{known[0]}",
+                property=f"inputs:{inputs[0]}",
                 expected=expected,
                 hint=wire_hint(wire),
                 fix=wire,

@@ -139,15 +139,15 @@ def _without_space(command: Command, name: str, subject: LintSubject) -> tuple[E
 
 
 def _unknown_joint(
-    name: str, command: Command, known: Mapping[str, Prim], stage: StageModel
+    name: str, command: Command, joints: Mapping[str, Prim], stage: StageModel
 ) -> UnresolvedAsset | None:
     """Return the missing asset that could hold a joint, at a prim of its name or beside others.
 
     Where the robot has none at all, any asset around it could hold them.
     """
     places = [prim.path for prim in stage.named(name)]
-    asset = stage.unknown(*places, *(f"{joint.parent}/{name}" for joint in known.values()))
-    if asset is None and not known:
+    asset = stage.unknown(*places, *(f"{joint.parent}/{name}" for joint in joints.values()))
+    if asset is None and not joints:
         around = (root.rpartition("/")[0] or root for root in command.roots)
         asset = next(filter(None, map(stage.unknown_below, around)), None)
     return asset

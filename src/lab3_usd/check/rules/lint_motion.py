@@ -169,13 +169,13 @@ def _without_shape(wheels: tuple[Prim, ...], stage: StageModel) -> list[str]:
 def _fixed_to(bodies_of_base: frozenset[str], stage: StageModel) -> set[str]:
     """Return these bodies, and those that fixed joints hold to them."""
     ahead = [*bodies_of_base]
-    found = set(ahead)
+    paths = set(ahead)
     while ahead:
         tied = working_joints_at([ahead.pop()], stage)
-        new = {path for joint in tied if joint.type == FIXED for path in ends(joint)} - found
-        found |= new
+        new = {path for joint in tied if joint.type == FIXED for path in ends(joint)} - paths
+        paths |= new
         ahead += new
-    return found
+    return paths
 
 
 def _stops(body: Prim) -> Iterator[tuple[str, str]]:

@@ -108,15 +108,15 @@ def _by_parent(subject: LintSubject) -> Iterator[Problem]:
     owners = {path: bodies.owner(prim) for path, prim in parents.items() if prim}
     for path, owner in owners.items():
         node = subject.live[path]
-        found = {target: bodies.owner(target) for target in listed_targets(node)}
+        owner_of = {target: bodies.owner(target) for target in listed_targets(node)}
         foreign = {
             target: robot
-            for target, robot in found.items()
+            for target, robot in owner_of.items()
             if robot not in {"", owner}
             and bodies.sizes[robot] >= _TWO
             and not _is_root(target, prims_above, subject)
         }
-        is_whole = len(foreign) == sum(bool(robot) for robot in found.values())
+        is_whole = len(foreign) == sum(bool(robot) for robot in owner_of.values())
         wrong = [
             target for target, robot in foreign.items() if is_whole or robot in owners.values()
         ]

@@ -70,15 +70,15 @@ def gone_setting(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _without_prim(node: Node, gone: dict[str, GonePort]) -> Iterator[Problem]:
-    lost = [port for port, known in gone.items() if known.prim and not node.targets(known.prim)]
+    lost = [port for port, change in gone.items() if change.prim and not node.targets(change.prim)]
     if lost:
-        known, more = gone[lost[0]], f" and {len(lost) - 1} more" if len(lost) > 1 else ""
+        change, more = gone[lost[0]], f" and {len(lost) - 1} more" if len(lost) > 1 else ""
         verb = "is" if len(lost) == 1 else "are"
         yield Problem(
             node.path,
-            f"{lost[0]}{more} {verb} of an earlier release: {known.by}, and {known.prim} names "
+            f"{lost[0]}{more} {verb} of an earlier release: {change.by}, and {change.prim} names "
             "none, so the node does nothing",
-            property=known.prim,
+            property=change.prim,
             expected="a prim",
             covers=tuple((node.path, port) for port in lost),
         )
@@ -233,8 +233,8 @@ def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]
 def _is_idle(node: Node, port: str, subject: LintSubject) -> bool:
     """Whether a port of a node does nothing, because of the values of other inputs."""
     values = subject.platform.changes.idle.get(node.type_name, {}).get(port, {})
-    others = ((effective_value(node, other, subject.live), v) for other, v in values.items())
-    return bool(values) and all(found == value for found, value in others)
+    pairs = ((effective_value(node, other, subject.live), v) for other, v in values.items())
+    return bool(values) and all(actual == value for actual, value in pairs)
 
 
 def _default(node: Node, port: str, platform: Platform) -> Value | None:

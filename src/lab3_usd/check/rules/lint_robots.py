@@ -361,5 +361,5 @@ def _word(joint: Prim, words: Mapping[str, str]) -> str | None:
     """Return which of some words the name of a joint says, in full or as a letter."""
     name = joint.name.lower()
     parts = re.split(r"[^a-z]+", name)
-    found = (w for w, letter in words.items() if w in name or (letter and letter in parts))
-    return next(found, None)
+    written = (w for w, letter in words.items() if w in name or (letter and letter in parts))
+    return next(written, None)

@@ -328,7 +328,7 @@ def two_events(subject: LintSubject) -> Iterator[Problem]:
         events = _events(node, subject) if is_judged else {}
         # Of a node that is behind another one with the same events the first tells enough.
         ahead = [_events(source, subject) for source in signal_sources(node, subject.live)]
-        if len(events) > 1 and all(set(known) != set(events) for known in ahead):
+        if len(events) > 1 and all(set(earlier) != set(events) for earlier in ahead):
             names = ", ".join(event.name for event in events.values())
             yield Problem(
                 node.path,

@@ -54,8 +54,8 @@ def _named_prims(topic: SensorTopic, subject: LintSubject) -> _Named:
 def _of_frame(stage: StageModel, domain: str, name: str) -> _Named:
     paths = frame_prims(stage).get((domain, name), ())
     prims = [prim for path in paths if (prim := stage.prim(path)) is not None]
-    known, rigid_of = (prim.path for prim in prims), joined_bodies(stage).rigid_of
-    return _Named(prims, frozenset(known), frozenset(rigid_of(prim.path) for prim in prims))
+    prim_paths, rigid_of = (prim.path for prim in prims), joined_bodies(stage).rigid_of
+    return _Named(prims, frozenset(prim_paths), frozenset(rigid_of(prim.path) for prim in prims))
 
 
 def _is_sensor(prim: Prim, subject: LintSubject) -> bool:
@@ -116,9 +116,9 @@ def _is_another(prim: Prim, topic: SensorTopic, subject: LintSubject) -> bool:
     frame, data = _axes(prim, subject), _axes(topic.sensor, subject)
     if frame is None or data is None:
         return prim.type != topic.sensor.type
-    (start, axes), (end, others) = frame, data
+    (start, axes), (end, other_axes) = frame, data
     unit = subject.stage.meters_per_unit
-    is_alike = rotation_difference(axes, others) <= _ALIKE
+    is_alike = rotation_difference(axes, other_axes) <= _ALIKE
     if is_alike and unit * distance(start, end) <= _NEAR:
         return False
     # The right camera of a stereo pair looks the same way, and stands beside the left one.

@@ -87,14 +87,14 @@ def _successor(node: Node, subject: LintSubject) -> tuple[str, str] | None:
     successor = platform.changes.successor(node.type_name)
     if successor is None or successor[0] not in platform.types:
         return None
-    name, known = successor
+    name, change = successor
     carried = [
         port if port == now else f"{port} (as {now})"
-        for port, now in known.values.items()
+        for port, now in change.values.items()
         if (state := node.state(INPUT + port)) is not None
         and (state.value is not None or state.sources)
     ]
-    notes = f" ({known.notes})" if known.notes else ""
+    notes = f" ({change.notes})" if change.notes else ""
     values = f"; {', '.join(carried)} carry over" if carried else ""
     return name, f"{platform.types[name].ui_name} does its work{notes}{values}"
 

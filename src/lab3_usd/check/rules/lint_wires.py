@@ -131,9 +131,9 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `linear.y` is connected to `inputs:linearVelocity` of a Differential Controller.
     """
-    known, needs = subject.platform.quantities, subject.platform.needs
+    typed, needs = subject.platform.quantities, subject.platform.needs
     stamp = INPUT + subject.platform.ros.stamp
-    meant = nodes_of(lambda kind: kind.type in known or kind.type in needs, subject.stage)
+    meant = nodes_of(lambda kind: kind.type in typed or kind.type in needs, subject.stage)
     for node in meant:
         for port, quantities in _quantities(node, subject).items():
             given = quantity_of(node, port, subject.stage)

@@ -365,8 +365,8 @@ def _is_meant(parameter: Parameter, demand: ParameterDemand, subject: Navigation
     if not is_of_node or parameter.last not in demand.names:
         return False
     place = (parameter.node, demand.unless)
-    others = (p.value for p in subject.parameters if (p.node, p.name) == place)
-    return not any(other not in _NOTHING for other in others)
+    values = (p.value for p in subject.parameters if (p.node, p.name) == place)
+    return not any(other not in _NOTHING for other in values)
 
 
 def _unmet(parameter: Parameter, demand: ParameterDemand, subject: NavigationSubject) -> str:
@@ -381,8 +381,8 @@ def _unmet(parameter: Parameter, demand: ParameterDemand, subject: NavigationSub
     numbers = _numbers(value)
     if demand.at_most_of:
         place = (parameter.node, demand.at_most_of)
-        others = [_numbers(p.value) for p in subject.parameters if (p.node, p.name) == place]
-        pairs = zip(numbers, others[0], strict=False) if others else ()
+        lists = [_numbers(p.value) for p in subject.parameters if (p.node, p.name) == place]
+        pairs = zip(numbers, lists[0], strict=False) if lists else ()
         return f"at most {demand.at_most_of}" if any(low > high for low, high in pairs) else ""
     ends = [numbers[0], numbers[-1]] if numbers else []
     bounds = (

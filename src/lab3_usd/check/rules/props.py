@@ -53,21 +53,21 @@ def prop(subject: StageSubject) -> Iterator[Problem]:
     Example: three racks where the handout asks for four, or one without its material.
     """
     props = subject.lab.props_at(subject.checkpoint)
-    found = {name: [*_found(spec, subject)] for name, spec in props.items()}
+    prims_of = {name: [*_found(spec, subject)] for name, spec in props.items()}
     told, surplus = dict[tuple[str, str], list[str]](), set[str]()
     for name, spec in props.items():
-        beyond = 0 if spec.count is None else len(found[name]) - spec.count
+        beyond = 0 if spec.count is None else len(prims_of[name]) - spec.count
         if beyond > 0:  # those count as too many that are least like what is asked for
             worst = sorted(
-                found[name], key=lambda prim: -len([*_wrong_parts("", spec, prim, subject)])
+                prims_of[name], key=lambda prim: -len([*_wrong_parts("", spec, prim, subject)])
             )
             surplus |= {prim.path for prim in worst[:beyond]}
-        if beyond or (spec.count is None and not found[name]):
+        if beyond or (spec.count is None and not prims_of[name]):
             told.setdefault((spec.path, spec.type), []).append(name)
     for names in told.values():
-        yield _wrong_count(names, found[names[0]], props, subject)
+        yield _wrong_count(names, prims_of[names[0]], props, subject)
     for name, spec in props.items():
-        kept = [prim for prim in found[name] if prim.path not in surplus]
+        kept = [prim for prim in prims_of[name] if prim.path not in surplus]
         yield from _not_found(name, spec, kept, subject)
         for prim in kept:
             yield from _wrong_parts(name, spec, prim, subject)
@@ -82,7 +82,7 @@ def _found(spec: PropSpec, subject: StageSubject) -> Iterator[Prim]:
 
 
 def _wrong_count(
-    names: list[str], found: list[Prim], props: Mapping[str, PropSpec], subject: StageSubject
+    names: list[str], prims: list[Prim], props: Mapping[str, PropSpec], subject: StageSubject
 ) -> Problem:
     """Say once of a path and a type that too few or too many are there.
 
@@ -94,16 +94,16 @@ def _wrong_count(
     start = spec.path.partition("*")[0]
     return Problem(
         spec.path,
-        f"{len(found)} of {names[0]} are there, expected {count}: prims at {spec.path}{kind}",
+        f"{len(prims)} of {names[0]} are there, expected {count}: prims at {spec.path}{kind}",
         expected=str(count),
-        actual=str(len(found)),
+        actual=str(len(prims)),
         handout=spec.handout,
-        hint=_way_to_count(spec, count - len(found)),
-        related=tuple(prim.path for prim in found),
+        hint=_way_to_count(spec, count - len(prims)),
+        related=tuple(prim.path for prim in prims),
         unmet=tuple(map(_demand, names)),
-        absent=not found,
+        absent=not prims,
         assumes=tuple((path, None) for path in upwards(start.rstrip("/"))),
-        rests_on=None if len(found) > count else subject.stage.unknown(start),
+        rests_on=None if len(prims) > count else subject.stage.unknown(start),
     )
 
 
@@ -118,11 +118,11 @@ def _way_to_count(spec: PropSpec, lacking: int) -> str:
 
 
 def _not_found(
-    name: str, spec: PropSpec, found: list[Prim], subject: StageSubject
+    name: str, spec: PropSpec, standing: list[Prim], subject: StageSubject
 ) -> Iterator[Problem]:
     """Yield each file that cannot be found, with the things that refer to it."""
     users: dict[str, list[str]] = {}
-    named = (prim for prim in found if not spec.asset or spec.refers(prim.assets))
+    named = (prim for prim in standing if not spec.asset or spec.refers(prim.assets))
     paths = {prim.path for prim in named} if spec.resolved else set()
     for missing in subject.stage.unresolved:
         if missing.prim in paths:
@@ -222,9 +222,9 @@ def _faults(spec: PropSpec, prim: Prim, stage: StageModel) -> Iterator[_Fault]:
     for name, paths in spec.connections.items():
         actual = prim.relationships.get(name, ())
         if set(actual) != set(paths):
-            wanted, found = format_paths(paths), format_paths(actual) if actual else "nothing"
-            message = f"{name} of {prim.name} is connected to {found}, expected {wanted}"
-            yield _Fault(name, wanted, found, (Restore(prim.path, name),), message)
+            wanted, shown = format_paths(paths), format_paths(actual) if actual else "nothing"
+            message = f"{name} of {prim.name} is connected to {shown}, expected {wanted}"
+            yield _Fault(name, wanted, shown, (Restore(prim.path, name),), message)
     for name, value in spec.plain_values.items():
         if name == _VISIBILITY:
             yield from _wrong_visibility(value, prim, stage)
@@ -348,9 +348,9 @@ def _wrong_place(place: PlaceSpec, prim: Prim, stage: StageModel) -> Iterator[_F
     ):
         return
     asked = _place_text(place)
-    found = ", ".join(f"{_AXES[axis]} {round(origin[axis], 4) + 0.0:g}" for axis in place.axes)
-    message = f"{prim.name} stands at {found} in the world, expected {asked}"
-    yield _Fault(_PLACE, asked, f"{found} m", (), message, f"move {prim.path} there")
+    shown = ", ".join(f"{_AXES[axis]} {round(origin[axis], 4) + 0.0:g}" for axis in place.axes)
+    message = f"{prim.name} stands at {shown} in the world, expected {asked}"
+    yield _Fault(_PLACE, asked, f"{shown} m", (), message, f"move {prim.path} there")
 
 
 _AXES = "xyz"

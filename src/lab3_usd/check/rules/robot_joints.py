@@ -188,9 +188,9 @@ def _limits(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> It
         actual, wanted = number(prim.attributes.get(key)), limit / unit
         is_free = actual is None and math.isinf(wanted)  # USD's own values
         if not (is_free or _same(actual, wanted, subject)):
-            found = "not set" if actual is None else f"{actual:g}"
-            text = f"the {word} limit of {name} is {found}, expected {wanted:g}"
-            yield JointFault(text, key, f"{wanted:g}", found)
+            shown = "not set" if actual is None else f"{actual:g}"
+            text = f"the {word} limit of {name} is {shown}, expected {wanted:g}"
+            yield JointFault(text, key, f"{wanted:g}", shown)
 
 
 _WORDS = {"stiffness": "stiffness", "damping": "damping", "maxForce": "largest force"}
@@ -212,9 +212,9 @@ def _drive(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Ite
     values = {"stiffness": drive.stiffness, "damping": drive.damping, "maxForce": drive.force}
     for word, wanted in spec.drive.items():
         if not _same(values[word], wanted, subject):
-            found = number_text(values[word])
-            text = f"the {_WORDS[word]} of {name} is {found}, expected {wanted:g}"
-            yield JointFault(text, f"{drive.start}{word}", f"{wanted:g}", found)
+            shown = number_text(values[word])
+            text = f"the {_WORDS[word]} of {name} is {shown}, expected {wanted:g}"
+            yield JointFault(text, f"{drive.start}{word}", f"{wanted:g}", shown)
 
 
 def _same(actual: float | None, wanted: float, subject: RobotSubject) -> bool:

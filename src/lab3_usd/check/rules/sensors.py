@@ -485,8 +485,8 @@ def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
     lab, stage = subject.lab, subject.stage
     places = [find_sensor(stage, lab, name) for name in subject.checkpoint.sensors]
     # What stands in the place of a sensor, or is one, is judged as that.
-    others = {place.path for place in places}
-    others |= {place.prim.path for place in places if place.prim is not None}
+    sensor_paths = {place.path for place in places}
+    sensor_paths |= {place.prim.path for place in places if place.prim is not None}
     candidates = {
         prim.path: prim
         for name in later_sensors(subject, kind)
@@ -494,5 +494,5 @@ def _early_on_robot(subject: StageSubject, kind: str) -> Iterator[Problem]:
     }
     for prim in candidates.values():
         # One of the world may have any name.
-        if prim.path not in others and lab.scene.robot_of(prim.path):
+        if prim.path not in sensor_paths and lab.scene.robot_of(prim.path):
             yield _early(subject, prim)

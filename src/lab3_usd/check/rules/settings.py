@@ -29,37 +29,37 @@ from lab3_usd.spec.graph import NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 
 
-def setting_problem(subject: GraphSubject, found: Found, message: str) -> Problem:
+def setting_problem(subject: GraphSubject, judged: Found, message: str) -> Problem:
     """Return the problem of one setting, with how to set it right."""
-    setting, wanted = found.setting, display(found.setting.value)
+    setting, wanted = judged.setting, display(judged.setting.value)
     port = setting.port.partition(":")[2]
-    wires = ", ".join(map(short_source, found.node.sources(setting.port)))
+    wires = ", ".join(map(short_source, judged.node.sources(setting.port)))
     first = f"delete the wire from {wires}, then " if wires else ""
     return Problem(
-        prim=found.node.path,
+        prim=judged.node.path,
         property=setting.port,
         message=message,
         expected=wanted,
-        actual=display(found.value),
+        actual=display(judged.value),
         handout=setting.handout,
-        hint=f"{first}select {role_title(found.spec)} "
+        hint=f"{first}select {role_title(judged.spec)} "
         f"and set {port} to {wanted} in the Property panel",
-        fix=edits_at(subject, f"{found.node.path}.{setting.port}"),
+        fix=edits_at(subject, f"{judged.node.path}.{setting.port}"),
     )
 
 
-def _frames_forbidden(subject: GraphSubject, found: Found) -> bool:
+def _frames_forbidden(subject: GraphSubject, judged: Found) -> bool:
     """Whether a frame is part of the forbidden transform, which a rule of its own names."""
-    tf = found.spec.type.tf
-    if tf is None or found.setting.port not in tf.names:
+    tf = judged.spec.type.tf
+    if tf is None or judged.setting.port not in tf.names:
         return False
-    child = effective_value(found.node, tf.names[1], subject.live_nodes)
+    child = effective_value(judged.node, tf.names[1], subject.live_nodes)
     return child in subject.lab.frames.guarded
 
 
 def _swapped(subject: GraphSubject) -> dict[tuple[str, str], str]:
     """Return the settings whose values stand in each other's node: (prim, port) -> other prim."""
-    wrong = [found for found in settings_of(subject) if not found.met]
+    wrong = [judged for judged in settings_of(subject) if not judged.met]
     pairs = {}
     for one, other in combinations(wrong, 2):
         if one.spec.type is not other.spec.type or one.setting.port != other.setting.port:
@@ -70,8 +70,8 @@ def _swapped(subject: GraphSubject) -> dict[tuple[str, str], str]:
     return pairs
 
 
-def _would_be_met(found: Found, value: Value | None) -> bool:
-    return setting_matches(found.node, found.setting, value)
+def _would_be_met(judged: Found, value: Value | None) -> bool:
+    return setting_matches(judged.node, judged.setting, value)
 
 
 @rule("P01", "wrong-value", scope="graph")
@@ -85,35 +85,35 @@ def wrong_value(subject: GraphSubject) -> Iterator[Problem]:
     Example: {running system?}`topicName` '{scan}1' instead of '{scan}': a subscriber waits for
     messages that never come{else}a variable of another name: nothing is read{/}.
     """
-    for found in settings_of(subject):
-        node, port = found.node, found.setting.port
-        if found.met or not _is_authored(node, port) or _frames_forbidden(subject, found):
+    for judged in settings_of(subject):
+        node, port = judged.node, judged.setting.port
+        if judged.met or not _is_authored(node, port) or _frames_forbidden(subject, judged):
             continue
-        actual = display(found.value)
-        if found.value is None:
+        actual = display(judged.value)
+        if judged.value is None:
             actual = f"connected to {short_source(node.sources(port)[0])}"
-        message = f"{port} is {actual}, expected {display(found.setting.value)}"
-        message += with_setting(subject, found.spec.role, found.setting, found.value)
-        problem = setting_problem(subject, found, message)
-        likely = _names_what_is_there(subject, found)
+        message = f"{port} is {actual}, expected {display(judged.setting.value)}"
+        message += with_setting(subject, judged.spec.role, judged.setting, judged.value)
+        problem = setting_problem(subject, judged, message)
+        likely = _names_what_is_there(subject, judged)
         yield replace(problem, assumes=((node.path, port),), likely=likely)
 
 
-def _names_what_is_there(subject: GraphSubject, found: Found) -> bool:
+def _names_what_is_there(subject: GraphSubject, judged: Found) -> bool:
     """Whether the value fits the stage as it is, and the right one does not yet.
 
     It names a joint, or the frame of the sensor that the node reads or of its link, which stands
     elsewhere or has another name. The right value alone would stop the robot, or put the data of
     the sensor in the wrong place: what it names gets its name and place back first.
     """
-    if not isinstance(found.value, str):
+    if not isinstance(judged.value, str):
         return False
-    stage, wanted = subject.stage, found.setting.value
+    stage, wanted = subject.stage, judged.setting.value
     names = {prim.name for prim in stage.prims.values() if prim.type == REVOLUTE and prim.present}
-    sensor = sensor_of(found.node, subject.live_nodes)
-    if sensor is not None and found.value not in names:
+    sensor = sensor_of(judged.node, subject.live_nodes)
+    if sensor is not None and judged.value not in names:
         names = {frame_of_prim(path, stage) for path in (sensor, sensor.rpartition("/")[0]) if path}
-    return found.value in names and wanted not in names
+    return judged.value in names and wanted not in names
 
 
 def _is_authored(node: Node, port: str) -> bool:
@@ -133,13 +133,13 @@ def wrong_default(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `useDomainIDEnvVar` not set: the domain id comes from the environment.
     """
-    for found in settings_of(subject):
-        node, port = found.node, found.setting.port
-        if found.met or _is_authored(node, port):
+    for judged in settings_of(subject):
+        node, port = judged.node, judged.setting.port
+        if judged.met or _is_authored(node, port):
             continue
-        default, wanted = display(found.value), display(found.setting.value)
+        default, wanted = display(judged.value), display(judged.setting.value)
         message = f"{port} was left at its default {default}, expected {wanted}"
-        yield replace(setting_problem(subject, found, message), assumes=((node.path, port),))
+        yield replace(setting_problem(subject, judged, message), assumes=((node.path, port),))
 
 
 @rule("P07", "swapped-values", scope="graph")
@@ -154,17 +154,17 @@ def swapped_values(subject: GraphSubject) -> Iterator[Problem]:
     Example: the first Constant Token holds {other_joint}, the second {joint}.
     """
     swapped = _swapped(subject)
-    for found in settings_of(subject):
-        port = found.setting.port
-        other = swapped.get((found.node.path, port))
+    for judged in settings_of(subject):
+        port = judged.setting.port
+        other = swapped.get((judged.node.path, port))
         if other:
             name = other.rpartition("/")[2]
             message = (
-                f"{port} is {display(found.value)}, expected {display(found.setting.value)}; "
+                f"{port} is {display(judged.value)}, expected {display(judged.setting.value)}; "
                 f"{name} holds the value that belongs here"
             )
-            hint = f"exchange the values of {found.node.name} and {name}"
-            problem = setting_problem(subject, found, message)
+            hint = f"exchange the values of {judged.node.name} and {name}"
+            problem = setting_problem(subject, judged, message)
             related = f"{other}.{port}"
             fix = (*problem.fix, *edits_at(subject, related))
             yield replace(problem, hint=hint, related=(related,), fix=fix, covers=((other, port),))
@@ -352,12 +352,12 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
 
     Example: `topicName` 'clock' instead of '/clock'.
     """
-    for found in settings_of(subject):
-        is_topic = found.setting.port in found.spec.type.topics
-        if is_topic and found.met and found.value != found.setting.value:
-            message = f"{found.setting.port} is {_same_topic(found, subject)}"
-            site = (found.node.path, found.setting.port)
-            yield replace(setting_problem(subject, found, message), assumes=(site,))
+    for judged in settings_of(subject):
+        is_topic = judged.setting.port in judged.spec.type.topics
+        if is_topic and judged.met and judged.value != judged.setting.value:
+            message = f"{judged.setting.port} is {_same_topic(judged, subject)}"
+            site = (judged.node.path, judged.setting.port)
+            yield replace(setting_problem(subject, judged, message), assumes=(site,))
 
 
 def _same_topic(found: Found, subject: GraphSubject) -> str:
@@ -390,10 +390,10 @@ def stamp_reset(subject: StageSubject) -> Iterator[Problem]:
     Example: {scan} has time stamp 2.0 s while /clock is at 95.0 s after a second Play.
     """
     reset = subject.lab.policy.stamp_reset
-    found = list(_with_value(subject, reset.ports, value=True))
-    if found and any(_with_value(subject, (reset.agree,), value=False)):
-        (prim, port), others = found[0], found[1:]
-        related = tuple(f"{path}.{name}" for path, name in others)
+    ports = list(_with_value(subject, reset.ports, value=True))
+    if ports and any(_with_value(subject, (reset.agree,), value=False)):
+        (prim, port), more = ports[0], ports[1:]
+        related = tuple(f"{path}.{name}" for path, name in more)
         message = f"{port} is True: time stamps restart at Stop, but the clock does not"
         yield Problem(prim, message, port, "False", "True", related=related)
 

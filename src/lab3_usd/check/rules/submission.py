@@ -316,13 +316,13 @@ def deliverable_not_found(subject: SubmissionSubject) -> Iterator[Problem]:
     if not subject.handed_in:
         return
     for name, wanted in subject.spec.deliverables.items():
-        found = subject.listing.deliverables.get(name, ())
-        if len(found) >= wanted.at_least:
+        files = subject.listing.deliverables.get(name, ())
+        if len(files) >= wanted.at_least:
             continue
-        count = f"{len(found)} of at least {wanted.at_least}" if wanted.at_least > 1 else "not"
+        count = f"{len(files)} of at least {wanted.at_least}" if wanted.at_least > 1 else "not"
         message = f"{wanted.title}: {count} found"
         yield Problem(
-            ".", message, None, str(wanted.at_least), str(len(found)), wanted.handout,
+            ".", message, None, str(wanted.at_least), str(len(files)), wanted.handout,
             hint=as_called(wanted.hint),
         )  # fmt: skip
 

@@ -129,10 +129,10 @@ def named_render_product(subject: GraphSubject) -> Iterator[Problem]:
     Example: `renderProductPrim` names `/Render/Product`, which shows another sensor.
     """
     for node, spec in subject.matched:
-        found = wrong_product(node, spec, subject.stage.products)
-        if found is None:
+        wrong = wrong_product(node, spec, subject.stage.products)
+        if wrong is None:
             continue
-        name, product, ports = found
+        name, product, ports = wrong
         size = " x ".join(map(str, product.size)) or "no size"
         wanted = {target.port: format_paths(target.prims) for target in spec.targets}
         wanted |= {setting.port: display(setting.value) for setting in spec.settings}

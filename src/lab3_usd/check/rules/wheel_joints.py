@@ -275,8 +275,8 @@ def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
     apart = distance(first_place, second_place)
     units = subject.stage.meters_per_unit or 1.0  # a unit of nothing has a finding of its own
     if min(abs(apart - wheels.distance), abs(apart / units - wheels.distance)) <= limit:
-        known = axles(subject)
-        if all(joint in known and dot(known[joint], wheels.axle) > 0 for joint in places):
+        directions = axles(subject)
+        if all(joint in directions and dot(directions[joint], wheels.axle) > 0 for joint in places):
             yield from _exchanged(places, subject.robot)
         yield from _off_centre(places, subject.robot, limit * units)
         return
@@ -351,10 +351,10 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
     """
     scene = subject.lab.scene
     wanted, limit = subject.robot.wheels.axle, scene.tolerance.axle_angle
-    known = axles(subject)
+    directions = axles(subject)
     wrong = {
         joint: direction
-        for joint, direction in known.items()
+        for joint, direction in directions.items()
         if not angle_between(direction, wanted) <= limit
     }
     back = scaled(wanted, -1.0)
@@ -362,7 +362,7 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
     for joint, direction in wrong.items():
         if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
             continue
-        name = _cause(joint, list(known))
+        name = _cause(joint, list(directions))
         expected, actual = vector_text(wanted), vector_text(direction)
         turn_text = f"about {actual} of the robot, expected {expected}"
         if angle_between(direction, back) <= limit:
@@ -370,7 +370,7 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
         fault = JointFault(f"{joint.name} turns its wheel {turn_text}", name, expected, actual)
         problem = wheel_problem(joint, subject.robot, fault, "axis", section)
         yield replace(problem, fix=_wheel_fix(joint, name))
-    for joint in (joint for joint in known if joint not in wrong):
+    for joint in (joint for joint in directions if joint not in wrong):
         yield from _lying_wheel(joint, subject, section)
 
 
@@ -388,11 +388,11 @@ def _lying_wheel(joint: WheelJoint, subject: RobotSubject, section: str) -> Iter
     yield wheel_problem(joint, subject.robot, fault, "axis", section)
 
 
-def _cause(joint: WheelJoint, others: list[WheelJoint]) -> str:
+def _cause(joint: WheelJoint, candidates: list[WheelJoint]) -> str:
     """Name the axis, or the rotation where all wheel joints have the same axis."""
     axes = {
-        None if other.prim is None else other.prim.attributes.get(AXIS, "X") for other in others
+        None if other.prim is None else other.prim.attributes.get(AXIS, "X") for other in candidates
     }
     side = base_side(joint)
-    is_rotation = len(axes) == 1 and len(others) > 1 and side is not None
+    is_rotation = len(axes) == 1 and len(candidates) > 1 and side is not None
     return f"physics:localRot{side}" if is_rotation else AXIS

@@ -184,12 +184,12 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
     prims = list(lights(subject.stage))
     part = _asked(subject, subject.lab.scene.world.light)
     present = [prim for prim in prims if prim.present]
-    dark = [found for prim in present if (found := darkened(prim, subject.stage)) is not None]
+    dark = [change for prim in present if (change := darkened(prim, subject.stage)) is not None]
     if part is None or len(dark) < len(present):
         return
     if dark:
         site, name = dark[0]
-        others = [(prim.path, other) for prim, other in dict.fromkeys(dark) if prim != site]
+        more = [(prim.path, other) for prim, other in dict.fromkeys(dark) if prim != site]
         value = display(site.attributes.get(name))
         yield Problem(
             site.path,
@@ -198,8 +198,8 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
             "a light",
             value,
             part.handout,
-            related=tuple(map(".".join, others)),
-            fix=(Restore(site.path, name), *(Restore(*other) for other in others)),
+            related=tuple(map(".".join, more)),
+            fix=(Restore(site.path, name), *(Restore(*other) for other in more)),
             unmet=(_LIGHT,),
             rests_on=_missing_environment(subject),
         )

@@ -73,7 +73,7 @@ def attribute_over(
     Raises:
         SpecError: it says something else than attributes have; the line opens with `where`.
     """
-    known = {
+    base = {
         "type": attribute.usd_type,
         "value": attribute.value,
         "accepted": attribute.accepted,
@@ -81,4 +81,4 @@ def attribute_over(
         "unwritten": attribute.unwritten,
         "handout": attribute.handout,
     }
-    return _attribute(attribute.name, as_record({**known, **said}, _AttributeEntry, where), where)
+    return _attribute(attribute.name, as_record({**base, **said}, _AttributeEntry, where), where)

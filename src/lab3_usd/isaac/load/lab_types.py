@@ -87,11 +87,11 @@ def with_lab_types(platform: Platform, data: Mapping[str, Any], file: str) -> Pl
     usd_types = {**platform.usd_types, **content.usd_types}
     types = {**platform.base}
     for name, entry in data.get("types", {}).items():
-        known = None if "version" in entry else types.get(name)
-        if known is None:
+        kind = None if "version" in entry else types.get(name)
+        if kind is None:
             types.update(parse_types({name: entry}, usd_types, file))
         else:
-            types[name] = type_over(known, entry, usd_types, file)
+            types[name] = type_over(kind, entry, usd_types, file)
     events = content.events
     return replace(
         platform,

@@ -107,17 +107,17 @@ _FIELDS = {
 
 
 def type_over(
-    known: NodeType, entry: Mapping[str, Any], usd_types: Mapping[str, str], file: str
+    base: NodeType, entry: Mapping[str, Any], usd_types: Mapping[str, str], file: str
 ) -> NodeType:
     """Return a type with what an entry has otherwise."""
-    needed = {"version": known.version, "name": known.ui_name, "prim": known.prim_name}
-    content = as_record({**needed, **entry}, TypeEntry, f"{file}: {known.type}")
-    made = _node_type(known.type, content, usd_types, file, known.ports)
+    needed = {"version": base.version, "name": base.ui_name, "prim": base.prim_name}
+    content = as_record({**needed, **entry}, TypeEntry, f"{file}: {base.type}")
+    made = _node_type(base.type, content, usd_types, file, base.ports)
     fields = {_FIELDS.get(key, key) for key in entry if key not in ("handout", "name")}
-    if "handout" in entry or known.handout_name == known.ui_name:
+    if "handout" in entry or base.handout_name == base.ui_name:
         fields |= {"handout_name"} if {"handout", "name"} & set(entry) else set()
     fields |= {"ui_name"} if "name" in entry else set()
-    return replace(known, **{field: getattr(made, field) for field in fields})
+    return replace(base, **{field: getattr(made, field) for field in fields})
 
 
 def parse_types(
@@ -139,7 +139,7 @@ def _node_type(
     entry: TypeEntry,
     usd_types: Mapping[str, str],
     file: str,
-    known: Mapping[str, Port] = {},
+    base_ports: Mapping[str, Port] = {},
 ) -> NodeType:
     where = f"{file}: {name}"
     for key in ("version", "name", "prim"):
@@ -150,7 +150,7 @@ def _node_type(
         for prefix, side in ((INPUT, entry.inputs), (OUTPUT, entry.outputs))
         for short, port_entry in side.items()
     }
-    ports = {**known, **ports}
+    ports = {**base_ports, **ports}
     for port in _named(entry.former, INPUT, ports, f"{where}: former"):
         place, usd_type = f"{where}: {port}: former", ports[port].usd_type
         ports[port] = replace(
@@ -244,11 +244,11 @@ def _named(
     names: Iterable[str], prefix: str, ports: Mapping[str, Port], where: str
 ) -> tuple[str, ...]:
     """Return the full names of ports, which the type must have."""
-    found = tuple(prefix + short for short in names)
-    for name in found:
+    full_names = tuple(prefix + short for short in names)
+    for name in full_names:
         if name not in ports:
             raise SpecError(f"{where} names the port '{name}', which the type does not have")
-    return found
+    return full_names
 
 
 def _by_port(

@@ -277,8 +277,8 @@ def other_types(said: Mapping[str, Mapping[str, str]]) -> dict[str, OtherName]:
     """Return the names of types that single releases have, of names by type and release."""
     return {
         other: OtherName(name, release)
-        for name, others in said.items()
-        for release, other in others.items()
+        for name, name_of in said.items()
+        for release, other in name_of.items()
     }
 
 
@@ -293,11 +293,11 @@ def other_ports(
         SpecError: a type or a port is not known; the line opens with `where`.
     """
     named: dict[str, dict[str, OtherName]] = {}
-    for path, others in said.items():
+    for path, name_of in said.items():
         kind, _, port = path.rpartition(".")
         if kind not in types or port not in types[kind].ports:
             raise SpecError(f"{where}: '{path}' is not a port of a node type")
-        for release, other in others.items():
+        for release, other in name_of.items():
             named.setdefault(kind, {})[other] = OtherName(port, release)
     return named
 
@@ -337,16 +337,16 @@ def _release(entry: _ReleaseEntry, usd_types: Mapping[str, str], where: str) -> 
 
 
 def _early(
-    file: _EarlyReleases, known: Mapping[str, Release], usd_types: Mapping[str, str], where: str
+    file: _EarlyReleases, described: Mapping[str, Release], usd_types: Mapping[str, str], where: str
 ) -> dict[str, Release]:
     """Return the early releases, each with the types that are gone since.
 
     The interfaces of those are known of the first release that has them alone.
     """
-    found = {}
+    early = {}
     for name, entry in file.releases.items():
         own = _release(entry, usd_types, f"{where}: {name}")
-        like = known.get(entry.like, Release({}, (), {}))
+        like = described.get(entry.like, Release({}, (), {}))
         gone = {
             kind: node_type if name == part.since else replace(node_type, is_open=True)
             for part in file.gone
@@ -358,8 +358,8 @@ def _early(
             for kind in {**like.types, **own.types}
         }
         has = {**like.has, **own.has, **gone}
-        found[name] = Release(has, (*like.lacks, *own.lacks), types)
-    return found
+        early[name] = Release(has, (*like.lacks, *own.lacks), types)
+    return early
 
 
 def _changes_of(
@@ -372,12 +372,12 @@ def _changes_of(
     """
     where = f"{folder.name}/{CHANGES}"
     changes = as_record(_tuples(read_yaml(folder / CHANGES)), ReleaseChanges, where)
-    known = {*types, *(kind for release in releases.values() for kind in release.has)}
+    type_names = {*types, *(kind for release in releases.values() for kind in release.has)}
     named = [*changes.folds, *changes.ports, *changes.ignored, *changes.idle]
     named += [kind for meaning in changes.meanings for kind in meaning.types]
     named += [each.by for each in changes.successors if ANY not in each.by]
     for kind in named:
-        if kind not in known:
+        if kind not in type_names:
             raise SpecError(f"{where}: '{kind}' is not a node type")
     return changes
 
@@ -398,11 +398,11 @@ def _needs(
         kind = types.get(name)
         if kind is None:
             raise SpecError(f"{where}: '{name}' is not a node type")
-        known = set(kind.ports)
+        ports = set(kind.ports)
         for release in releases.values():
-            known |= set(release.types[name].ports if name in release.types else ())
+            ports |= set(release.types[name].ports if name in release.types else ())
         for need in entries:
             for short in (*need.inputs, need.when, need.when_wired, need.unless):
-                if short and INPUT + short not in known:
+                if short and INPUT + short not in ports:
                     raise SpecError(f"{where}: {name} has no input '{short}'")
     return needs

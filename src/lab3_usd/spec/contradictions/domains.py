@@ -29,8 +29,8 @@ def domain_faults(lab: Lab) -> Iterator[LabFault]:
                 places.setdefault(domain, f"{file_of(graph)}: {node.role}: {ros.domain}")
         yield from _without_context(graph, places)
     system = lab.ros.system.domain
-    (first, place), *others = [*places.items()] or [(system, "")]
-    for second, other in others:
+    (first, place), *more = [*places.items()] or [(system, "")]
+    for second, other in more:
         file, _, key = other.partition(": ")
         message = f"the domain is {second}, in another graph {first}: no listener receives both"
         yield LabFault(file, key, message, place, "warning")
@@ -74,14 +74,14 @@ def tree_faults(lab: Lab) -> Iterator[LabFault]:
 def variable_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield the nodes that name a variable which their graph does not have."""
     for graph in lab.graphs.values():
-        known = [variable.name for variable in graph.variables]
+        variables = [variable.name for variable in graph.variables]
         for node in graph.nodes.values():
             port = next(iter(node.type.variable), "")
             if not port or any(wire.target.port == port for wire in graph.wires_into(node.role)):
                 continue
             name = spec_value(node, port)
-            if name not in known:
-                likely = nearest_name(str(name), known)
+            if name not in variables:
+                likely = nearest_name(str(name), variables)
                 hint = f"; did you mean '{likely}'?" if likely else ""
                 message = f"names '{name}', and the graph has no such variable{hint}"
                 key = f"{node.role}: {port.partition(':')[2]}"

@@ -50,11 +50,11 @@ class LabFault(Struct, frozen=True):
         return f"{self.place}{other}"
 
 
-def nearest_name(name: str, known: Iterable[str]) -> str | None:
+def nearest_name(name: str, names: Iterable[str]) -> str | None:
     """Return the known name that was likely meant, None where none is like it."""
     from difflib import get_close_matches
 
-    return next(iter(get_close_matches(name, tuple(known), 1)), None)
+    return next(iter(get_close_matches(name, tuple(names), 1)), None)
 
 
 class GraphTopic(Struct, frozen=True):
@@ -96,8 +96,8 @@ def spec_value(node: NodeSpec, port: str) -> Value | None:
     value = next((setting.value for setting in node.settings if setting.port == port), None)
     if value is not None:
         return value
-    found = node.type.port(port)
-    return None if found is None else found.default
+    declared = node.type.port(port)
+    return None if declared is None else declared.default
 
 
 def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
@@ -478,9 +478,9 @@ def _known_topics(lab: Lab) -> set[str]:
 def misspelled(lab: Lab, text: str, file: str, key: str) -> Iterator[LabFault]:
     """Yield the topics in a text that are nearly, but not quite, topics of the lab."""
     navigation = lab.ros.navigation
-    known = _known_topics(lab) | set(() if navigation is None else navigation.rviz.values())
+    topics = _known_topics(lab) | set(() if navigation is None else navigation.rviz.values())
     for name in _NAME.findall(example_of(text, lab.team)):
-        meant = None if name in known else nearest_name(name, known)
+        meant = None if name in topics else nearest_name(name, topics)
         if meant:
             message = f"'{name}' is not a topic, '{meant}' is"
             yield LabFault(file, key, message, f"{ROS}: topics: {meant}")

@@ -38,16 +38,16 @@ def _unmade(
     lab: Lab, name: str, prop: PropSpec, scenes: Sequence[KnownScene]
 ) -> Iterator[LabFault]:
     """Yield a thing without type and asset, or of the first stage, that is not there."""
-    others = [other for other in lab.scene.props.values() if other is not prop]
+    beside = [other for other in lab.scene.props.values() if other is not prop]
     is_made = _makes(prop) or any(
         _makes(other) and (other.stands_at(prop.path) or prop.stands_at(other.path))
-        for other in others
+        for other in beside
     )
     is_there = any(prop.stands_at(path) for scene in scenes for path in scene.prims)
     if is_made or is_there or prop.count == 0 or _is_open(lab, prop.path, scenes):
         return
     prims = {path for scene in scenes for path in scene.prims}
-    meant = nearest_name(prop.path, (*prims, *(other.path for other in others if _makes(other))))
+    meant = nearest_name(prop.path, (*prims, *(other.path for other in beside if _makes(other))))
     hint = f", '{meant}' is" if meant else ""
     then = "; `build` makes what has a `type`" if prop.since else ""
     message = f"'{prop.path}' is not a prim{hint}{then}"

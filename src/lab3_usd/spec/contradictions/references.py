@@ -40,11 +40,11 @@ _GOALS = "goals"  # saved output that is read from a topic and from a log
 
 def checkpoint_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield each reference to a checkpoint that the lab does not have."""
-    known = ", ".join(lab.ids)
+    ids = ", ".join(lab.ids)
     for file, key, checkpoint in _references(lab):
         if checkpoint not in lab.checkpoints:
             message = f"there is no checkpoint '{checkpoint}'"
-            yield LabFault(file, key, message, f"{CHECKPOINTS} has {known}")
+            yield LabFault(file, key, message, f"{CHECKPOINTS} has {ids}")
 
 
 def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
@@ -209,8 +209,8 @@ RULES = "handout: rules"
 
 def section_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield what the list of sections, where the lab has one, and the items do not agree about."""
-    known = lab.handout.names
-    if not known:
+    sections = lab.handout.names
+    if not sections:
         return
     leads = lab.handout.leads
     form = re.compile(
@@ -220,8 +220,8 @@ def section_faults(lab: Lab) -> Iterator[LabFault]:
     for file, key, text in _section_references(lab):
         for section in form.findall(text):
             named.setdefault(section, (file, key))
-    yield from _unknown(lab, named, {*known}, leads)
-    for section in known:
+    yield from _unknown(lab, named, {*sections}, leads)
+    for section in sections:
         if section not in named:
             message = f"no item names section {section}"
             other = f"name it in {CHECKPOINTS}: {_BY_HAND} if nothing shows it"
@@ -232,11 +232,14 @@ def section_faults(lab: Lab) -> Iterator[LabFault]:
 def _part_of(section: str, leads: Mapping[str, str]) -> str:
     """Return the part of the handout that a section is in, of a part that it lacks the letter."""
     lead = _NUMBER.sub("", section)
-    return next((part for part, known in leads.items() if known == lead), section[0])
+    return next((part for part, own_lead in leads.items() if own_lead == lead), section[0])
 
 
 def _unknown(
-    lab: Lab, named: Mapping[str, tuple[str, str]], known: Collection[str], leads: Mapping[str, str]
+    lab: Lab,
+    named: Mapping[str, tuple[str, str]],
+    sections: Collection[str],
+    leads: Mapping[str, str],
 ) -> Iterator[LabFault]:
     """Yield sections that the list does not have, and once each part that it does not have."""
     where, parts = f"{CHECKPOINTS}: {_SECTIONS}", set(lab.handout.sections)
@@ -246,7 +249,7 @@ def _unknown(
             parts.add(part)
             message = f"the handout has no part {part}"
             yield LabFault(file, key, message, where, "warning")
-        elif part in lab.handout.sections and section not in known:
+        elif part in lab.handout.sections and section not in sections:
             yield LabFault(file, key, f"the handout has no section {section}", where)
 
 

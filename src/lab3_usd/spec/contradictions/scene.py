@@ -97,12 +97,12 @@ _SCHEMA, _JOINT = "Physics", "Joint"  # around the kind in the name of a type of
 
 def _absent_parts(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
     """Yield robots, links, joints and places of sensors that are in no scene that is known."""
-    known = frozenset[str]().union(*(scene.prims for scene in scenes))
+    paths = frozenset[str]().union(*(scene.prims for scene in scenes))
     open_below = tuple(prefix for scene in scenes for prefix in scene.open_below)
     where = ", ".join(scene.name for scene in scenes)
-    for key, path, is_there in _parts(lab, known) if scenes else ():
+    for key, path, is_there in _parts(lab, paths) if scenes else ():
         if not is_there and not f"{path}/".startswith(open_below):
-            meant = nearest_name(path, known)
+            meant = nearest_name(path, paths)
             hint = f", '{meant}' is" if meant else ""
             yield LabFault(SCENE, key, f"'{path}' is not a prim{hint}", where)
 
@@ -114,44 +114,44 @@ def _misspelled_parents(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabF
     """Yield graphs below a prim that no scene has, and that is called almost as one that it has."""
     from difflib import get_close_matches
 
-    known = frozenset[str]().union(*(scene.prims for scene in scenes))
+    paths = frozenset[str]().union(*(scene.prims for scene in scenes))
     made = {*(sensor.path for sensor in lab.sensors.values())}
     where = ", ".join(scene.name for scene in scenes)
     for graph in lab.graphs.values():
         parent = graph.path.rpartition("/")[0]
-        meant = get_close_matches(parent, known, 1, _NEARLY) if parent not in known | made else ()
+        meant = get_close_matches(parent, paths, 1, _NEARLY) if parent not in paths | made else ()
         for path in meant:
             message = f"'{parent}' is not a prim, '{path}' is"
             yield LabFault(file_of(graph), "path", message, where, "warning")
 
 
-def _parts(lab: Lab, known: Collection[str]) -> Iterator[tuple[str, str, bool]]:
+def _parts(lab: Lab, paths: Collection[str]) -> Iterator[tuple[str, str, bool]]:
     """Yield key and path of what the scene is to hold, and whether it does."""
     for robot in lab.scene.robots:
-        yield f"{robot.key}: path", robot.path, robot.path in known
+        yield f"{robot.key}: path", robot.path, robot.path in paths
         for name, path in zip(robot.links, robot.link_paths, strict=True):
-            yield f"{robot.key}: links: {name}", path, path in known or robot.path not in known
+            yield f"{robot.key}: links: {name}", path, path in paths or robot.path not in paths
         target = robot.articulation.target
         if target:
             key = f"{robot.key}: articulation: target"
-            yield key, target, target in known or robot.path not in known
+            yield key, target, target in paths or robot.path not in paths
         for name in (*robot.wheels.joints, *robot.joints):
-            ends = (path for path in known if path.endswith(f"/{name}"))
+            ends = (path for path in paths if path.endswith(f"/{name}"))
             is_there = any(stands_within(path, robot.path) for path in ends)
             of_wheel = name in robot.wheels.joints
             key = f"{robot.key}: {'wheels: ' if of_wheel else ''}joints: {name}"
             place = robot.joint_path(name) if of_wheel else f"{robot.path}/{name}"
             if of_wheel and is_there:
                 key = f"{robot.key}: wheels: joints_below"
-                is_there = place in known
-            yield key, place, is_there or robot.path not in known
+                is_there = place in paths
+            yield key, place, is_there or robot.path not in paths
     world = lab.scene.world.graph_parent
     if world is not None:
-        yield "world: graph_parent: path", world.path, world.path in known
+        yield "world: graph_parent: path", world.path, world.path in paths
     made = {sensor.path for sensor in lab.sensors.values()}
     for name, sensor in lab.sensors.items():
         parent = sensor.path.rpartition("/")[0]
-        yield f"sensors: {name}: path", parent, parent in known or parent in made
+        yield f"sensors: {name}: path", parent, parent in paths or parent in made
 
 
 def _sensor_faults(lab: Lab) -> Iterator[LabFault]:
@@ -203,17 +203,17 @@ def _unequal_sensors(lab: Lab) -> Iterator[LabFault]:
         if is_in_releases(lab.platform.release, *kind.equal_in)
     }
     for name, types in asked.items():
-        known: tuple[str, Any] | None = None
+        first: tuple[str, Any] | None = None
         for sensor, spec in lab.sensors.items():
             attribute = spec.attributes.get(name)
             if attribute is None or spec.type not in types:
                 continue
-            if known is not None and attribute.value != known[1]:
-                message = f"{attribute.value} differs from {known[1]}: Isaac Sim"
+            if first is not None and attribute.value != first[1]:
+                message = f"{attribute.value} differs from {first[1]}: Isaac Sim"
                 message += f" {lab.platform.release} crashes"
-                other = f"{SCENE}: sensors: {known[0]}: {name}"
+                other = f"{SCENE}: sensors: {first[0]}: {name}"
                 yield LabFault(SCENE, f"sensors: {sensor}: {name}", message, other)
-            known = known or (sensor, attribute.value)
+            first = first or (sensor, attribute.value)
 
 
 def _target_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
@@ -229,13 +229,13 @@ def _target_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]
     sensors = {sensor.path for sensor in lab.sensors.values()}
     for graph in lab.graphs.values():
         inside = {graph.path, *(f"{graph.path}/{role}" for role in graph.nodes)}
-        known = {*sensors, *inside}.union(*(scene.prims for scene in scenes))
+        paths = {*sensors, *inside}.union(*(scene.prims for scene in scenes))
         for node in graph.nodes.values():
             for target in node.targets:
                 for path in target.prims:
-                    if path in known or path.startswith(open_below):
+                    if path in paths or path.startswith(open_below):
                         continue
-                    meant = nearest_name(path, known)
+                    meant = nearest_name(path, paths)
                     hint = f", '{meant}' is" if meant else ""
                     key = f"{node.role}: {target.port.partition(':')[2]}"
                     message = f"'{path}' is not a prim of the {named}, and no sensor{hint}"

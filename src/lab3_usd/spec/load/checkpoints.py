@@ -138,8 +138,10 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
     for placeholder in re.findall(r"\{[^}]*\}?", content.files):
         if placeholder not in _PLACEHOLDERS:
-            known = ", ".join(_PLACEHOLDERS)
-            wrong = f"'{placeholder}' is not a placeholder: no file can match; known are {known}"
+            placeholders = ", ".join(_PLACEHOLDERS)
+            wrong = (
+                f"'{placeholder}' is not a placeholder: no file can match; known are {placeholders}"
+            )
             raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
     return CheckpointFile(
         content.title,
@@ -154,7 +156,7 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
 def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
     if not specs:
         raise SpecError(f"{CHECKPOINTS}: checkpoints: there is none")
-    found = {}
+    entries = {}
     for key, spec in specs.items():
         where = f"{CHECKPOINTS}: checkpoint '{key}'"
         entry = as_record(spec, CheckpointEntry, where)
@@ -162,8 +164,8 @@ def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
             if not is_checkpoint_id(name):
                 wrong = f"'{name}' is not an id: letters, digits, _ and -, in quotation marks"
                 raise SpecError(f"{where}: {wrong}")
-        found[key] = entry
-    return found
+        entries[key] = entry
+    return entries
 
 
 def accumulate(
@@ -174,7 +176,7 @@ def accumulate(
     Raises:
         SpecError: one names a graph or sensor that does not exist, or that is there already.
     """
-    found: dict[str, Checkpoint] = {}
+    checkpoints: dict[str, Checkpoint] = {}
     previous = Checkpoint("", "", "", "", (), (), (), ())
     for key, entry in content.entries.items():
         where = f"{CHECKPOINTS}: checkpoint '{key}'"
@@ -182,10 +184,10 @@ def accumulate(
         _check_known(entry.adds.sensors, sensors, f"{where}: sensors")
         _check_removable((gone.path for gone in entry.removals), previous, f"{where}: removes")
         checkpoint = _checkpoint(key, entry, content.files, previous)
-        _check_new(checkpoint, found.values(), where)
-        found[checkpoint.id] = checkpoint
+        _check_new(checkpoint, checkpoints.values(), where)
+        checkpoints[checkpoint.id] = checkpoint
         previous = previous if entry.optional else checkpoint
-    return found
+    return checkpoints
 
 
 def _checkpoint(key: str, entry: CheckpointEntry, files: str, previous: Checkpoint) -> Checkpoint:
@@ -297,18 +299,18 @@ def by_ids(lab: Lab) -> Lab:
     )
 
 
-def _check_known(names: Iterable[str], known: tuple[str, ...], where: str) -> None:
+def _check_known(names: Iterable[str], available: tuple[str, ...], where: str) -> None:
     for name in names:
-        if name not in known:
-            raise SpecError(f"{where}: there is no '{name}'; known are {', '.join(known)}")
+        if name not in available:
+            raise SpecError(f"{where}: there is no '{name}'; known are {', '.join(available)}")
 
 
 def _check_removable(names: Iterable[str], previous: Checkpoint, where: str) -> None:
     """Refuse to take away what no earlier checkpoint has, and no starter can have."""
-    known = (*previous.graphs, *previous.sensors)
+    removable = (*previous.graphs, *previous.sensors)
     for name in names:
-        if name not in known and not name.startswith("/"):
-            listed = ", ".join(known) or "none"
+        if name not in removable and not name.startswith("/"):
+            listed = ", ".join(removable) or "none"
             wrong = (
                 f"'{name}' is not a path, and no graph or sensor that is there; those are {listed}"
             )

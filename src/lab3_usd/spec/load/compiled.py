@@ -61,15 +61,15 @@ class Packed(Mapping[str, _Entry], Generic[_Entry]):
         Raises:
             KeyError: there is none.
         """
-        found = self._entries.get(name)
-        if found is None:
-            found = self._entries[name] = pickle.loads(self._packed[name])  # noqa: S301 - as trusted as its file
-        return found
+        entry = self._entries.get(name)
+        if entry is None:
+            entry = self._entries[name] = pickle.loads(self._packed[name])  # noqa: S301 - as trusted as its file
+        return entry
 
     def get(self, name: str, default: _Entry | None = None) -> _Entry | None:  # type: ignore[override]
         """Return an entry as above, else the default."""
-        found = self._entries.get(name)
-        return self[name] if found is None and name in self._packed else found or default
+        entry = self._entries.get(name)
+        return self[name] if entry is None and name in self._packed else entry or default
 
     def __contains__(self, name: object) -> bool:
         """Whether there is an entry, which stays packed."""
@@ -135,9 +135,9 @@ def _kept(folder: Path, load: Callable[[Path], Lab]) -> bytes:
     checksum = _checksum(folder)
     ours = folder / "__pycache__" / FILE
     for path in (folder / FILE, ours):
-        found = _read(path, checksum)
-        if found is not None:
-            return found
+        stored = _read(path, checksum)
+        if stored is not None:
+            return stored
     content = _content(load(folder))
     if not sys.dont_write_bytecode:
         try:

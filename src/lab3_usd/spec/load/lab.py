@@ -89,8 +89,11 @@ def _ros_spec(data: Mapping[str, Any]) -> ros.RosSpec:
     content = as_record(data, RosFile, ROS)
     kinds = records(_evidence(content), ros.EvidenceKind, f"{ROS}: evidence")
     for name, kind in kinds.items():
-        for key, text, known in (("run", kind.run, ("of", "to")), ("file", kind.file, ("name",))):
-            _refuse_placeholders(text, known, f"{ROS}: evidence: {name}: {key}")
+        for key, text, placeholders in (
+            ("run", kind.run, ("of", "to")),
+            ("file", kind.file, ("name",)),
+        ):
+            _refuse_placeholders(text, placeholders, f"{ROS}: evidence: {name}: {key}")
     return ros.RosSpec(
         system=content.system,
         topics=records(content.topics, ros.TopicSpec, f"{ROS}: topics"),
@@ -117,15 +120,15 @@ def _navigation(given: dict[str, Any] | None) -> ros.NavigationSpec | None:
     return as_record({**usual, **given}, ros.NavigationSpec, f"{ROS}: navigation")
 
 
-def _refuse_placeholders(text: str, known: tuple[str, ...], where: str) -> None:
+def _refuse_placeholders(text: str, allowed: tuple[str, ...], where: str) -> None:
     """Refuse what is written like a placeholder and is none."""
     try:
-        found = [name for _, name, _, _ in Formatter().parse(text) if name is not None]
+        placeholders = [name for _, name, _, _ in Formatter().parse(text) if name is not None]
     except ValueError as error:
         raise SpecError(f"{where}: {error}") from error
-    for name in found:
-        if name not in known:
-            listed = ", ".join(f"{{{each}}}" for each in known)
+    for name in placeholders:
+        if name not in allowed:
+            listed = ", ".join(f"{{{each}}}" for each in allowed)
             raise SpecError(f"{where}: '{{{name}}}' is not a placeholder; known are {listed}")
 
 
@@ -209,10 +212,10 @@ def _robots(scene: SceneFile) -> Iterator[RobotSpec]:
     if scene.robot is not UNSET and scene.robots:
         raise SpecError(f"{SCENE}: 'robot' or 'robots': both are given, expected one of them")
     named = records(scene.robots, RobotSpec, f"{SCENE}: robots")
-    known = {f"robots: {name}": robot for name, robot in named.items()}
-    known |= {} if isinstance(scene.robot, UnsetType) else {"robot": scene.robot}
+    robot_of = {f"robots: {name}": robot for name, robot in named.items()}
+    robot_of |= {} if isinstance(scene.robot, UnsetType) else {"robot": scene.robot}
     places: dict[str, str] = {}
-    for where, robot in known.items():
+    for where, robot in robot_of.items():
         wheels = robot.wheels
         if wheels.left and wheels.left not in wheels.joints:
             raise SpecError(
@@ -366,10 +369,10 @@ def _with_silence(lab: Lab) -> Lab:
 def _refuse_other_names(policy: Policy, platform: Platform) -> None:
     """Refuse names of ROS that are not Isaac Sim's: no lab can change them."""
     for name in ("namespace", "namespace_attribute", "tree_topics"):
-        said, known = getattr(policy, name), getattr(platform.ros, name)
-        if said and said != known:
+        said, usual = getattr(policy, name), getattr(platform.ros, name)
+        if said and said != usual:
             raise SpecError(
-                f"{CHECKPOINTS}: policy: {name} is {said!r}, that of Isaac Sim {known!r}"
+                f"{CHECKPOINTS}: policy: {name} is {said!r}, that of Isaac Sim {usual!r}"
             )
 
 
@@ -387,13 +390,13 @@ def _with_sensors(platform: Platform, scene: SceneSpec) -> Platform:
 
 
 def _graph_files(folder: Path, content: CheckpointFile) -> dict[str, dict[str, Any]]:
-    found = {}
+    files = {}
     for name in content.graph_names():
         file = f"{name}.yaml"
         if not (folder / file).is_file():
             raise SpecError(f"{CHECKPOINTS}: asks for the graph '{name}', but there is no {file}")
-        found[name] = read_yaml(folder / file)
-    return found
+        files[name] = read_yaml(folder / file)
+    return files
 
 
 def _graph(name: str, data: Mapping[str, Any], platform: Platform) -> GraphSpec:

@@ -115,8 +115,8 @@ def _in_release(platform: Platform, release: str) -> Platform:
     if release and release not in platform.known_releases:
         from lab3_usd.spec.lab import CHECKPOINTS
 
-        known = ", ".join(platform.known_releases)
-        wrong = f"'{release}' is not a release of Isaac Sim; known are {known}"
+        releases = ", ".join(platform.known_releases)
+        wrong = f"'{release}' is not a release of Isaac Sim; known are {releases}"
         raise SpecError(f"{CHECKPOINTS}: isaac: {wrong}")
     return platform.in_release(release) if release else platform
 

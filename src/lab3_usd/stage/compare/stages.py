@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
 from pathlib import Path
 
@@ -122,9 +122,9 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
 
 def _hidden(starter: Usd.Stage, stage: Usd.Stage) -> Iterator[str]:
     """Yield the prims at which the stage lacks an asset that the starter has."""
-    known = {_identity(missing) for missing in find_unresolved(starter)}
+    missing_before = {_identity(missing) for missing in find_unresolved(starter)}
     for missing in find_unresolved(stage):
-        if _identity(missing) not in known:
+        if _identity(missing) not in missing_before:
             yield missing.prim
 
 

@@ -189,8 +189,8 @@ def _numbers(value: Any) -> list[float] | None:
         parts = [_numbers(part) for part in value]
     except TypeError:
         return None
-    known = [part for part in parts if part is not None]
-    return [number for part in known for number in part] if len(known) == len(parts) else None
+    lists = [part for part in parts if part is not None]
+    return [number for part in lists for number in part] if len(lists) == len(parts) else None
 
 
 def same_asset(was: Sdf.AssetPath, now: Sdf.AssetPath) -> bool:

@@ -27,17 +27,17 @@ class AddedPrims(Struct, frozen=True):
 
 def added_prims(stage: Usd.Stage, graph_type: str, node_type: str) -> AddedPrims:
     """Return what recipes brought to the root layer of a stage."""
-    found: dict[str, dict[str, str]] = {graph_type: {}, node_type: {}, PARENT: {}}
+    kind_of: dict[str, dict[str, str]] = {graph_type: {}, node_type: {}, PARENT: {}}
 
     def keep(path: Sdf.Path) -> None:
         spec = layer.GetPrimAtPath(path) if path.IsPrimPath() else None
         kind = spec.customData.get(MARK) if spec is not None else None
-        if isinstance(kind, str) and spec is not None and spec.typeName in found:
-            found[spec.typeName][str(path)] = kind
+        if isinstance(kind, str) and spec is not None and spec.typeName in kind_of:
+            kind_of[spec.typeName][str(path)] = kind
 
     layer = stage.GetRootLayer()
     layer.Traverse(Sdf.Path.absoluteRootPath, keep)
-    return AddedPrims(found[graph_type], found[node_type], frozenset(found[PARENT]))
+    return AddedPrims(kind_of[graph_type], kind_of[node_type], frozenset(kind_of[PARENT]))
 
 
 def is_over(stage: Usd.Stage, path: str) -> bool:

@@ -158,12 +158,12 @@ class StageColliders(Colliders):
         for prim in prims:
             path = str(Usd.Prim.GetPath(prim))
             if not prims.IsPostVisit():
-                known = path in self._boxes
-                if not known and path not in self._shapes:
+                is_measured = path in self._boxes
+                if not is_measured and path not in self._shapes:
                     self._shapes[path] = _world_box(prim, path, transforms)
-                box = self._boxes[path] if known else self._shapes[path]
+                box = self._boxes[path] if is_measured else self._shapes[path]
                 open_boxes.append([] if box is None else [box])
-                if known:
+                if is_measured:
                     prims.PruneChildren()
                 continue
             boxes = open_boxes.pop()

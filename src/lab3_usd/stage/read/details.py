@@ -48,8 +48,8 @@ class StageDetails(Details):
         spec = next((spec for spec in holding if spec.HasInfo("default")), None)
         if spec is None:
             return None
-        known = prim.GetPrimDefinition().GetSchemaAttributeSpec(name)
-        wanted = Sdf.ValueTypeNames.Find(asked) if known is None else known.typeName
+        declared = prim.GetPrimDefinition().GetSchemaAttributeSpec(name)
+        wanted = Sdf.ValueTypeNames.Find(asked) if declared is None else declared.typeName
         written = spec.typeName
         is_text = {str(written.scalarType), str(wanted.scalarType)} <= _TEXTS
         return (str(written), str(wanted)) if is_text and written != wanted else None

@@ -81,26 +81,26 @@ def kept_open() -> Iterator[None]:
         yield  # they are kept already
         return
     stages: dict[str, Usd.Stage] = {}
-    open_first, known = opener.get(), dict[Hashable, Any]()
+    open_first, readings = opener.get(), dict[Hashable, Any]()
 
     def open_once(path: Path) -> Usd.Stage:
         name = os.path.realpath(path)
         stages[name] = stages.pop(name, None) or open_first(path)
         if len(stages) > _MOST_OPEN:
             del stages[next(iter(stages))]
-            known.clear()  # which names stages by where they are in memory
+            readings.clear()  # which names stages by where they are in memory
         return stages[name]
 
-    with opening_by(open_once, known):
+    with opening_by(open_once, readings):
         yield
 
 
 @contextmanager
 def opening_by(
-    open_path: Callable[[Path], Usd.Stage], known: dict[Hashable, Any]
+    open_path: Callable[[Path], Usd.Stage], readings: dict[Hashable, Any]
 ) -> Iterator[None]:
     """Let `open_stage` open stages in this way, and keep what is read of them."""
-    token, before = opener.set(open_path), reading_cache.set(known)
+    token, before = opener.set(open_path), reading_cache.set(readings)
     try:
         yield
     finally:

@@ -85,10 +85,10 @@ def is_placeless(kind: str, path: str, hidden: Iterable[str]) -> bool:
 @lru_cache(maxsize=1024)
 def _is_xformable(kind: str) -> bool:
     """Whether prims of a type have a place; those of types that usd-core does not know have."""
-    known = Usd.SchemaRegistry.GetTypeFromSchemaTypeName(kind) if kind else None
-    if known is None:
+    schema = Usd.SchemaRegistry.GetTypeFromSchemaTypeName(kind) if kind else None
+    if schema is None:
         return False
-    return bool(known.isUnknown or known.IsA(Tf.Type.FindByName("UsdGeomXformable")))
+    return bool(schema.isUnknown or schema.IsA(Tf.Type.FindByName("UsdGeomXformable")))
 
 
 def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:

@@ -161,9 +161,9 @@ class StagePrims(Prims):
 
     def get(self, path: str, default: Prim | None = None) -> Prim | None:  # type: ignore[override]
         """Return the prim at a path, in the scene or not, else the default."""
-        known = self._known.get(path)
-        if known is not None:
-            return known
+        stored = self._known.get(path)
+        if stored is not None:
+            return stored
         with stage_errors(self._reader.name):
             prim = self._find(path)
             if not prim or Usd.Prim.IsPseudoRoot(prim):
@@ -232,10 +232,10 @@ class StagePrims(Prims):
         self, prim: Usd.Prim, path: str, kind: str, apis: Sequence[str] | None = None
     ) -> Prim:
         """Return the prim at a path, whose values and place are still to be read."""
-        known = self._known.get(path)
-        if known is None:
+        stored = self._known.get(path)
+        if stored is None:
             is_present, hidden = IS_PRESENT(prim), self._reader.hidden
-            known = self._known[path] = Prim.unread(
+            stored = self._known[path] = Prim.unread(
                 path,
                 kind,
                 schemas(prim) if apis is None else tuple(apis),
@@ -244,27 +244,27 @@ class StagePrims(Prims):
                 defined=is_present or is_in_scene(prim, hidden),
                 placeless=is_placeless(kind, path, hidden),
             )
-        return known
+        return stored
 
     def _chosen(self, index: Mapping[str, list[int]], name_filter: NameFilter) -> Sequence[Prim]:
         """Return the prims of every key that is asked for, each once and as they are traversed."""
-        known = self._answers.get((id(index), name_filter))
-        if known is None:
+        prims = self._answers.get((id(index), name_filter))
+        if prims is None:
             if isinstance(name_filter, str):
                 numbers = index.get(name_filter, [])
             else:
                 numbers = sorted({n for key in index if name_filter(key) for n in index[key]})
             with stage_errors(self._reader.name):
-                known = [self._numbered.get(number) or self._at(number) for number in numbers]
-            self._answers[id(index), name_filter] = known
-        return known
+                prims = [self._numbered.get(number) or self._at(number) for number in numbers]
+            self._answers[id(index), name_filter] = prims
+        return prims
 
     def _at(self, number: int) -> Prim:
         index = self._index
         prim, kind, apis = index.prims[number], index.types[number], index.apis[number]
-        known = self._prim(prim, str(Usd.Prim.GetPath(prim)), kind, apis)
-        self._numbered[number] = known
-        return known
+        model = self._prim(prim, str(Usd.Prim.GetPath(prim)), kind, apis)
+        self._numbered[number] = model
+        return model
 
 
 @quiet()

@@ -176,16 +176,16 @@ def _changes(attribute: Usd.Attribute, first: Any, start: float) -> Iterator[Ani
         then = attribute.Get(time) if time > start else first
         if then == first:
             continue
-        known = plain_value(first)
-        if known is None or not same_value(known, plain_value(then), near_zero=_NEAR_ZERO):
+        before = plain_value(first)
+        if before is None or not same_value(before, plain_value(then), near_zero=_NEAR_ZERO):
             prim, name = str(attribute.GetPrim().GetPath()), str(attribute.GetName())
             yield AnimatedAttribute(prim, name, time, _text(first), _text(then))
             return
 
 
 def _text(value: Any) -> str:
-    known = plain_value(value)
-    return "another value" if known is None else str(known)
+    plain = plain_value(value)
+    return "another value" if plain is None else str(plain)
 
 
 def prim_at(stage: Usd.Stage, path: str) -> Usd.Prim:
@@ -260,17 +260,17 @@ class AuthoredProperty(Struct, frozen=True, eq=False, gc=False):
     def value(self, longest: int = LONGEST) -> Value | None:
         """Return the value that a layer gives to an attribute, as `plain_value` does."""
         if self.alone is not None:
-            found = self.alone.default
-            kind = type(found)
+            raw = self.alone.default
+            kind = type(raw)
             if kind in _PLAIN:
-                result: Value | None = found
+                result: Value | None = raw
                 return result
             if kind not in _WITH_VARIABLES:
-                return plain_value(found, longest)
+                return plain_value(raw, longest)
         if not self._is_authored(_VALUE):
             return None
-        found = Usd.Attribute.Get(Usd.Prim.GetAttribute(self.owner.prim, self.name))
-        return plain_value(found, longest)
+        raw = Usd.Attribute.Get(Usd.Prim.GetAttribute(self.owner.prim, self.name))
+        return plain_value(raw, longest)
 
     def sources(self) -> tuple[str, ...]:
         """Return the properties that an attribute is connected to."""
@@ -363,10 +363,10 @@ def compounds_in(
     stage: Usd.Stage, graphs: Collection[str], types: Mapping[str, str], compound_type: str
 ) -> Compounds:
     """Return the compounds of a stage with these graphs and nodes, by path with their types."""
-    found, fed = compounds_of(graphs, types, compound_type), {}
-    for path in found:
+    inner, fed = compounds_of(graphs, types, compound_type), {}
+    for path in inner:
         properties = AuthoredProperties(stage.GetPrimAtPath(path))
         for name in properties.names():
             if name.startswith((INPUT, OUTPUT)):
                 fed[f"{path}.{name}"] = properties[name].sources()
-    return Compounds(found, fed)
+    return Compounds(inner, fed)

@@ -82,28 +82,30 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
             prims[path] = _prim(prim, path, kind, time, prims, missing)
     users = _only_users(prims, platform)
     nodes = {
-        graph: [_used_by(node, users.get(graph), platform) for node in found]
-        for graph, found in nodes.items()
+        graph: [_used_by(node, users.get(graph), platform) for node in members]
+        for graph, members in nodes.items()
     }
-    types = {node.path: node.type for found in nodes.values() for node in found}
+    types = {node.path: node.type for members in nodes.values() for node in members}
     compounds = compounds_in(stage, graphs, types, platform.building.compound)
-    opened = opened_scene_nodes((node for found in nodes.values() for node in found), compounds)
+    opened = opened_scene_nodes((node for members in nodes.values() for node in members), compounds)
     by_path = {node.path: node for node in opened}
     compounds.move(nodes)
     nodes = {
-        graph: [by_path[node.path] for node in found if node.path in by_path]
-        for graph, found in nodes.items()
+        graph: [by_path[node.path] for node in members if node.path in by_path]
+        for graph, members in nodes.items()
     }
-    named = (paths for found in nodes.values() for node in found for paths in node.targets.values())
+    named = (
+        paths for members in nodes.values() for node in members for paths in node.targets.values()
+    )
     targets = {path for paths in named for path in paths}
     for path in platform.application_prims:
         if path in targets and path not in prims:
             prims[path] = _made_camera(path)
-    known = {
-        node.path: others
-        for found in nodes.values()
-        for node in found
-        if (others := platform.other_ports(node.type))
+    port_names = {
+        node.path: names
+        for members in nodes.values()
+        for node in members
+        if (names := platform.other_ports(node.type))
     }
     unit = stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES)
     return Scene(
@@ -116,7 +118,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
                 str(_value(prim, "evaluator:type") or platform.graph.value("evaluator:type")),
                 str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
                 str(_value(prim, "evaluationMode") or "Automatic"),
-                tuple(_named(node, known) for node in nodes[path]),
+                tuple(_named(node, port_names) for node in nodes[path]),
                 {
                     str(name).removeprefix(VARIABLE): _value(prim, str(name))
                     for name in prim.GetAuthoredPropertyNames()
@@ -146,7 +148,7 @@ def _only_users(prims: Mapping[str, ScenePrim], platform: Platform) -> dict[str,
     for prim in prims.values():
         for graph in prim.targets.get(platform.graph.evaluation.reference, ()):
             users.setdefault(graph, []).append(prim.path)
-    return {graph: found[0] for graph, found in users.items() if len(found) == 1}
+    return {graph: paths[0] for graph, paths in users.items() if len(paths) == 1}
 
 
 def _used_by(node: SceneNode, user: str | None, platform: Platform) -> SceneNode:
@@ -167,20 +169,22 @@ def _used_by(node: SceneNode, user: str | None, platform: Platform) -> SceneNode
     return replace(node, targets=targets)
 
 
-def _named(node: SceneNode, known: Mapping[str, Mapping[str, OtherName]]) -> SceneNode:
+def _named(node: SceneNode, port_names: Mapping[str, Mapping[str, OtherName]]) -> SceneNode:
     """Return a node whose ports, and those that feed it, have their names of the platform."""
-    if not known:
+    if not port_names:
         return node
-    others = known.get(node.path, {})
+    own_names = port_names.get(node.path, {})
 
     def own(names: Mapping[str, _Value]) -> dict[str, _Value]:
-        renamed = {others[name].name: value for name, value in names.items() if name in others}
-        kept = {name: value for name, value in names.items() if name not in others}
+        renamed = {
+            own_names[name].name: value for name, value in names.items() if name in own_names
+        }
+        kept = {name: value for name, value in names.items() if name not in own_names}
         return {**renamed, **kept}
 
     def source(path: str) -> str:
         prim, _, port = path.rpartition(".")
-        other = known.get(prim, {}).get(port)
+        other = port_names.get(prim, {}).get(port)
         return path if other is None else f"{prim}.{other.name}"
 
     inputs = {

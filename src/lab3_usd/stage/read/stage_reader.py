@@ -189,7 +189,7 @@ class _Scan:
 
     def open_compounds(self) -> None:
         """Let the nodes in compounds be nodes of the graphs around them."""
-        nodes = [node for found in self.nodes.values() for node in found]
+        nodes = [node for members in self.nodes.values() for node in members]
         types = {node.path: node.type_name for node in nodes}
         compound = self._platform.building.compound
         compounds = compounds_in(self._stage, self.graphs, types, compound)
@@ -200,37 +200,39 @@ class _Scan:
             compounds.move(self.absent)
             self.graphs = {path: at for path, at in self.graphs.items() if path in self.nodes}
             opened = {node.path: node for node in opened_nodes(nodes, compounds)}
-            for graph, found in self.nodes.items():
-                self.nodes[graph] = [opened[node.path] for node in found if node.path in opened]
+            for graph, members in self.nodes.items():
+                self.nodes[graph] = [opened[node.path] for node in members if node.path in opened]
 
     def settle_names(self) -> None:
         """Let wires leave from ports by their own names, and note what a file calls the others.
 
         A file that has names of a release has them for the ports that it leaves out, too.
         """
-        others = self._platform.names
-        if not others.ports:
+        names = self._platform.names
+        if not names.ports:
             return
         nodes = {node.path: node for graph in self.nodes.values() for node in graph}
-        known = {path: self._platform.other_ports(node.type_name) for path, node in nodes.items()}
-        releases = set(self._releases(nodes, known))
-        for graph, found in self.nodes.items():
-            self.nodes[graph] = [_settled(node, known, releases) for node in found]
+        port_names = {
+            path: self._platform.other_ports(node.type_name) for path, node in nodes.items()
+        }
+        releases = set(self._releases(nodes, port_names))
+        for graph, members in self.nodes.items():
+            self.nodes[graph] = [_settled(node, port_names, releases) for node in members]
 
     def _releases(
-        self, nodes: Mapping[str, Node], known: Mapping[str, Mapping[str, OtherName]]
+        self, nodes: Mapping[str, Node], port_names: Mapping[str, Mapping[str, OtherName]]
     ) -> Iterator[str]:
         """Yield the releases whose names nodes have, for types or at either end of a wire."""
         for node in nodes.values():
             if node.written_type in self._platform.names.types:
                 yield self._platform.names.types[node.written_type].release
             for written in node.written_ports.values():
-                yield known[node.path][written].release
+                yield port_names[node.path][written].release
             for path, _, port in (
                 w.rpartition(".") for s in node.ports.values() for w in s.sources
             ):
-                if port in known.get(path, {}):
-                    yield known[path][port].release
+                if port in port_names.get(path, {}):
+                    yield port_names[path][port].release
 
     def _tree(self, top: Usd.Prim, *, is_ignored: bool) -> None:
         """Look at a prim at the root and at all below it.
@@ -284,8 +286,8 @@ class _Scan:
         written = _text(properties[_NODE_TYPE].value())
         own = _text(properties[_NAMESPACE].value()) if _NAMESPACE in names else ""
         version = properties[_VERSION].value()
-        type_name, kind, others = self._types.get(written) or self._type(written)
-        ports = read_ports(properties, kind, others)
+        type_name, kind, own_names = self._types.get(written) or self._type(written)
+        ports = read_ports(properties, kind, own_names)
         is_old = not written or self._platform.names.is_old(written)
         if is_old and IS_PRESENT(prim) and not prim.IsInstanceProxy():
             self.old_types.append(OldType(path, written, is_in_asset(prim)))
@@ -307,16 +309,16 @@ class _Scan:
                 own_namespace=own,
                 is_local=not self._hidden or is_defined_in(prim, self._own_layers),
                 written_type="" if written == type_name else written,
-                written_ports=_written_ports(properties, others),
+                written_ports=_written_ports(properties, own_names),
             )
         )
 
     def _type(self, written: str) -> tuple[str, NodeType | None, Mapping[str, OtherName]]:
         """Return what `node:type` means: a name, its type, and other names of its ports."""
         name = self._platform.type_name(written)
-        known = name, self._platform.types.get(name), self._platform.other_ports(name)
-        self._types[written] = known
-        return known
+        entry = name, self._platform.types.get(name), self._platform.other_ports(name)
+        self._types[written] = entry
+        return entry
 
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
@@ -349,14 +351,14 @@ class _Scan:
         while (path := path.rpartition("/")[0] or "/") not in self._namespaces:
             prim = Usd.Prim.GetParent(prim)
             ahead.append((path, prim))
-        found = self._namespaces[path]
+        namespaces = self._namespaces[path]
         for path, prim in reversed(ahead):
             is_node = Usd.Prim.GetTypeName(prim) == self._platform.graph.node_type
             own = None if is_node else plain_value(authored_data(prim, _NAMESPACE))
             if isinstance(own, str) and own:
-                found = (*found, own)
-            self._namespaces[path] = found
-        return found
+                namespaces = (*namespaces, own)
+            self._namespaces[path] = namespaces
+        return namespaces
 
     def graph(self, path: str) -> GraphModel:
         """Return a graph with its nodes and what looks like one."""
@@ -391,17 +393,17 @@ def _nodes_in_layers(graph: Usd.Prim, node_type: str) -> int:
 
 
 def _written_ports(
-    properties: AuthoredProperties, others: Mapping[str, OtherName]
+    properties: AuthoredProperties, own_names: Mapping[str, OtherName]
 ) -> dict[str, str]:
     """Return the ports of a prim that it has under names of other releases, with these."""
-    if not others:
+    if not own_names:
         return {}
     names = properties.names()
-    return {other.name: name for name, other in others.items() if name in names}
+    return {other.name: name for name, other in own_names.items() if name in names}
 
 
 def _settled(
-    node: Node, known: Mapping[str, Mapping[str, OtherName]], releases: Collection[str]
+    node: Node, port_names: Mapping[str, Mapping[str, OtherName]], releases: Collection[str]
 ) -> Node:
     """Return a node whose wires come from ports by their own names, beside what the file has."""
     ports = dict(node.ports)
@@ -409,13 +411,13 @@ def _settled(
         sources: list[str] = []
         for path in state.sources:
             prim, _, port = path.rpartition(".")
-            other = known.get(prim, {}).get(port)
+            other = port_names.get(prim, {}).get(port)
             sources.append(path if other is None else f"{prim}.{other.name}")
         if sources:
             ports[name] = replace(state, sources=tuple(sources))
     implied = {
         other.name: name
-        for name, other in known[node.path].items()
+        for name, other in port_names[node.path].items()
         if other.release in releases and other.name not in node.ports
     }
     return replace(node, ports=ports, written_ports={**implied, **node.written_ports})
@@ -428,19 +430,19 @@ def has_custom_ports(prim: Usd.Prim) -> bool:
 
 
 def read_ports(
-    properties: AuthoredProperties, kind: NodeType | None, others: Mapping[str, OtherName]
+    properties: AuthoredProperties, kind: NodeType | None, own_names: Mapping[str, OtherName]
 ) -> Mapping[str, PortState]:
     """Return the ports among the properties of a prim, by full name; `kind` is its node type.
 
-    Of outputs only the names count: what flows through them is made at run time. `others` are the
-    names of other releases, each with the port that it means.
+    Of outputs only the names count: what flows through them is made at run time. `own_names` are
+    the names of other releases, each with the port that it means.
     """
     ports = {}
     names = properties.names()
     for written in names:
         name = written
-        if written in others:
-            name = others[written].name
+        if written in own_names:
+            name = own_names[written].name
             if name in names:
                 continue  # the file has the port under its own name, too
         if name.startswith(OUTPUT):

@@ -56,10 +56,10 @@ def _written(prop: PropSpec, stage: Usd.Stage, metres: float, site: str) -> Iter
     )
     binds = any(name.startswith(_BINDING) for name in prop.targets)
     for path in prop.places([str(prim.GetPath()) for prim in stage.TraverseAll()]):
-        known = stage.GetPrimAtPath(path)
+        there = stage.GetPrimAtPath(path)
         spec = PrimSpec(
             path,
-            prop.type or (known.GetTypeName() if known else "Xform"),
+            prop.type or (there.GetTypeName() if there else "Xform"),
             apis=(*prop.apis, _BINDING_API) if binds else prop.apis,
             attributes=attributes,
             targets=tuple(prop.targets.items()),
@@ -90,13 +90,13 @@ def _place(prim: Usd.Prim, place: PlaceSpec, metres: float) -> None:
     was = to_world.GetInverse().Transform(cache.GetLocalToWorldTransform(prim).ExtractTranslation())
     moved = to_world.GetInverse().Transform(wanted) - was
     xform = UsdGeom.Xformable(prim)
-    others = [each for each in xform.GetOrderedXformOps() if each.GetOpName() != _TRANSLATE]
+    rest = [each for each in xform.GetOrderedXformOps() if each.GetOpName() != _TRANSLATE]
     operation = next(
         (each for each in xform.GetOrderedXformOps() if each.GetOpName() == _TRANSLATE), None
     )
     if operation is None:
         operation = xform.AddTranslateOp(UsdGeom.XformOp.PrecisionDouble)
-        xform.SetXformOpOrder([operation, *others])
+        xform.SetXformOpOrder([operation, *rest])
         operation.Set(Gf.Vec3d(moved))
     else:
         value = operation.Get()

@@ -253,19 +253,19 @@ def connect_prim(stage: Usd.Stage, spec: PrimSpec) -> None:
 
 def _write_attribute(prim: Usd.Prim, spec: AttributeSpec, place: str) -> None:
     site = f"{place}: '{spec.name}'"
-    known = known_type(prim, spec.name)
+    declared = known_type(prim, spec.name)
     if spec.type is None:
         attribute = prim.GetAttribute(spec.name)
-        if known and not attribute:
-            attribute = prim.CreateAttribute(spec.name, known, custom=False)
+        if declared and not attribute:
+            attribute = prim.CreateAttribute(spec.name, declared, custom=False)
     else:  # of a schema that only Isaac Sim has, worded as in a text layer
         kind = spec.type.removeprefix("uniform ")
         variability = Sdf.VariabilityVarying if kind == spec.type else Sdf.VariabilityUniform
         value_type = Sdf.ValueTypeNames.Find(kind)
         if not value_type:
             raise SpecError(f"{site}: '{kind}' is not a type of USD")
-        if known and known.cppTypeName != value_type.cppTypeName:
-            raise SpecError(f"{site} has the type {known}, not {kind}; leave the type out")
+        if declared and declared.cppTypeName != value_type.cppTypeName:
+            raise SpecError(f"{site} has the type {declared}, not {kind}; leave the type out")
         attribute = prim.CreateAttribute(spec.name, value_type, False, variability)  # noqa: FBT003 - no keyword
     if not attribute:
         raise SpecError(f"{site} is not known to USD here, {_advice(prim, spec.name)}")
