@@ -87,7 +87,6 @@ MODULES = {
         "wheel_joints",
         "wheel_drives",
         "world",
-        "removed_prims",
         "props",
         "any_physics",
         "any_stances",

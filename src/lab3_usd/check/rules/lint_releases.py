@@ -12,7 +12,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE
 from lab3_usd.facts.feeding import used_nodes
 from lab3_usd.facts.reaching_values import effective_value
-from lab3_usd.facts.read_sensors import read_lidars, read_sensors
+from lab3_usd.facts.render_products import read_lidars, read_sensors
 from lab3_usd.facts.saved_releases import ended_renaming
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.node_types import INPUT

@@ -11,7 +11,7 @@ from lab3_usd.check.registry import Parameter, rule
 from lab3_usd.facts.articulations import articulations
 from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.reaching_values import effective_value
-from lab3_usd.facts.read_sensors import read_lidars, read_sensors
+from lab3_usd.facts.render_products import read_lidars, read_sensors
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
 from lab3_usd.facts.sensor_values import reading_rates, values_of
 from lab3_usd.facts.stuck_nodes import lost_products, refused_target

@@ -1,4 +1,4 @@
-"""The rule about things of a scene: their number, schemas, materials, labels and values."""
+"""The rules about things of a scene: their number, schemas and values, and what is taken away."""
 
 from __future__ import annotations
 
@@ -10,11 +10,11 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.changes import ApplySchema, Edit, Restore
+from lab3_usd.model.changes import ApplySchema, Edit, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity, display, format_paths
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import StageModel, same_value
-from lab3_usd.spec.lab import Checkpoint, Lab
+from lab3_usd.spec.lab import Checkpoint, Lab, Removal
 from lab3_usd.spec.props import PlaceSpec, PropSpec, is_named
 
 
@@ -359,3 +359,37 @@ _AXES = "xyz"
 def _place_text(place: PlaceSpec) -> str:
     numbers = ", ".join(f"{_AXES[axis]} {value:g}" for axis, value in place.axes.items())
     return f"{numbers} m, give or take {place.within:g}"
+
+
+def _absences(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
+    for gone in checkpoint.removals:
+        name, title = f"Scene/removed{gone.path}", f"{gone.path} is removed"
+        yield Demand(name, title, gone.path, _section(gone, lab), part="world")
+
+
+def _section(gone: Removal, lab: Lab) -> str:
+    return gone.handout or lab.handout.behind("S35", lab.scene.stage.handout)
+
+
+@rule("S35", "not-removed", scope="stage", demands=_absences, needs="removals")
+def not_removed(subject: StageSubject) -> Iterator[Problem]:
+    """A prim that a checkpoint removes is still there.
+
+    Why: the handout asks to delete it. What stays there goes on to publish, to move or to be seen.
+
+    Fix: delete the prim in the Stage panel.
+
+    Example: `{next_graph}`, which a later part replaces.
+    """
+    for gone in subject.checkpoint.removals:
+        path, prim = gone.path, subject.stage.prim(gone.path)
+        if prim is not None:
+            yield Problem(
+                path,
+                f"{path} is there, expected to be removed",
+                expected="removed",
+                actual=prim.type or "a prim",
+                handout=_section(gone, subject.lab),
+                fix=(RemovePrim(path),),
+                unmet=(f"Scene/removed{path}",),
+            )

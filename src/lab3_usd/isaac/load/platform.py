@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, TypeVar
@@ -27,11 +28,11 @@ from lab3_usd.isaac.behaviour import (
 )
 from lab3_usd.isaac.load.graph_form import GraphEntry, graph_form
 from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
-from lab3_usd.isaac.load.recipes import load_recipes
 from lab3_usd.isaac.load.sensor_models import sensor_models
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform, RosNames
+from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.isaac.release_changes import ANY, ReleaseChanges
 from lab3_usd.isaac.releases import BASE, Release, TypeChanges, both_changes, order
 from lab3_usd.yaml_file import as_record, read_yaml
@@ -101,6 +102,8 @@ UNITS = "units.yaml"
 TARGETS = "targets.yaml"
 QUANTITIES = "quantities.yaml"
 APPLICATION = "application.yaml"
+RECIPES = "recipes"
+_WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
 
 
 class _Renames(Struct, forbid_unknown_fields=True):
@@ -201,7 +204,7 @@ def assemble_platform(folder: Path) -> Platform:
     def by_type(file: str, kind: type[_Fact]) -> dict[str, _Fact]:
         return as_record(read_yaml(folder / file), dict[str, kind], f"{name}/{file}")  # type: ignore[valid-type]
 
-    recipes = load_recipes(folder, types)
+    recipes = _load_recipes(folder, types)
     sensors, targets = by_type(SENSORS, SensorOf), by_type(TARGETS, TargetOf)
     return Platform(
         release=BASE,
@@ -406,3 +409,32 @@ def _needs(
                 if short and INPUT + short not in ports:
                     raise SpecError(f"{where}: {name} has no input '{short}'")
     return needs
+
+
+def _load_recipes(folder: Path, types: Mapping[str, NodeType]) -> dict[str, Recipe]:
+    """Return the recipes of a folder by kind, in the order of their files' names.
+
+    Raises:
+        SpecError: a file is wrong; the line names file, role and port.
+    """
+    recipes = {}
+    for file in sorted((folder / RECIPES).glob("*.yaml")):
+        recipe = as_record(read_yaml(file), Recipe, file.name)
+        _check_recipe(recipe, types, file.name)
+        recipes[recipe.kind] = recipe
+    return recipes
+
+
+def _check_recipe(recipe: Recipe, types: Mapping[str, NodeType], file: str) -> None:
+    for role, node in recipe.nodes.items():
+        if node.type not in types:
+            raise SpecError(f"{file}: {role}: '{node.type}' is not a node type")
+        kind = types[node.type]
+        for port in (*node.set, *node.targets, *node.ports):
+            if kind.input(port) is None and not kind.grows_by_message:
+                raise SpecError(f"{file}: {role}: {node.type} has no input '{port}'")
+    for text in recipe.wires:
+        match = _WIRE.match(text)
+        ends = (match[1], match[3]) if match else ()
+        if match is None or any(role not in recipe.nodes for role in ends):
+            raise SpecError(f"{file}: wire '{text}': is not written 'role.port -> role.port'")

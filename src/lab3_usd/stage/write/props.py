@@ -76,8 +76,8 @@ def _order_operations(prim: Usd.Prim, names: Iterable[str]) -> None:
     posed = [name for name in names if name.startswith(_OPERATION)]
     if posed:
         order = UsdGeom.Xformable(prim).GetXformOpOrderAttr()
-        known = list(order.Get() or ())
-        order.Set(known + [name for name in posed if name not in known])
+        before = list(order.Get() or ())
+        order.Set(before + [name for name in posed if name not in before])
 
 
 def _place(prim: Usd.Prim, place: PlaceSpec, metres: float) -> None:
