@@ -416,6 +416,7 @@ def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, An
     for name, same in by_name.items():
         publishers = sum(not topic.is_subscribed for topic in same)
         first = min(same, key=lambda topic: order.index(ids[topic.graph]))
+        sending = [lab.graphs[t.graph].nodes[t.role] for t in same if not t.is_subscribed]
         entry: dict[str, Any] = {"type": first.type, "from": ids[first.graph]}
         entry["handout"] = lab.graphs[first.graph].handout
         if not publishers:
@@ -426,16 +427,12 @@ def _topics(lab: Lab, steps: Sequence[Step]) -> Iterator[tuple[str, dict[str, An
             fields = dict(zip(FRAME_FIELDS, frames.pop() if len(frames) == 1 else (), strict=False))
             if any(fields.values()):
                 entry["fields"] = {field: frame for field, frame in fields.items() if frame}
-        elif all(_is_static(lab, topic) for topic in same if not topic.is_subscribed):
+        elif all(
+            (tf := node.type.tf) is not None and tf.static and spec_value(node, tf.static) is True
+            for node in sending  # once, for those who come late as well
+        ):
             entry["durability"] = KEPT
         yield name, entry
-
-
-def _is_static(lab: Lab, topic: GraphTopic) -> bool:
-    """Whether a publisher sends transforms once, for those who come late as well."""
-    node = lab.graphs[topic.graph].nodes[topic.role]
-    port = node.type.tf.static or "" if node.type.tf is not None else ""
-    return bool(port) and spec_value(node, port) is True
 
 
 def _commands(topics: Mapping[str, Mapping[str, Any]]) -> Iterator[dict[str, Any]]:

@@ -157,7 +157,14 @@ def close_openings(bounds: FileBounds, root: Sdf.Layer, name: str) -> None:
                 opened = open_layer(bounds, identifier, file) if may_open else None
             else:
                 opened = _open_inside(bounds, layer, asset)
-            if isinstance(opened, tuple) and _is_starter(bounds, layer, asset):
+            # A sublayer that is not there may be the starter that everybody was given.
+            is_named = bounds.starter and Path(asset).name == Path(bounds.starter).name
+            if (
+                isinstance(opened, tuple)
+                and is_named
+                and not os.path.lexists(_located(layer, asset)[1])
+                and asset in layer.subLayerPaths
+            ):
                 layer.UpdateCompositionAssetDependency(asset, bounds.starter)
                 bounds.lent[name] = asset
                 opened = open_layer(bounds, bounds.starter, bounds.starter)
@@ -217,13 +224,6 @@ def _open_file(bounds: FileBounds, identifier: str, file: str) -> Sdf.Layer | _R
         return str(error).rpartition(": ")[2], True
     except (Tf.ErrorException, RuntimeError, UnicodeError):
         return "it is damaged", True
-
-
-def _is_starter(bounds: FileBounds, layer: Sdf.Layer, asset: str) -> bool:
-    """Whether a sublayer that cannot be opened is the starter that everybody was given."""
-    is_named = Path(asset).name == Path(bounds.starter).name
-    is_there = os.path.lexists(_located(layer, asset)[1])
-    return bool(bounds.starter) and is_named and not is_there and asset in layer.subLayerPaths
 
 
 def _redirect(layer: Sdf.Layer, asset: str) -> None:

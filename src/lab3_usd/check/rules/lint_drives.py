@@ -56,7 +56,11 @@ def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
         for out, size in maker.type.sizes.items() if maker.type is not None else ():
             wires = by_source.get(maker.path, ())
             taking = [wire.node for wire in wires if wire.path == f"{maker.path}.{out}"]
-            elements = {node.path: _element(node, size, subject) for node in taking}
+            elements: dict[str, int | None] = {}  # which each takes; None for all or unknown
+            for node in taking:
+                index = _index_port(node)
+                value = effective_value(node, index, subject.live) if index else None
+                elements[node.path] = value % size if isinstance(value, int) else None
             fed = [wire.node.path for path in elements for wire in by_source.get(path, ())]
             numbers = {*elements.values()}
             if size > 1 and len(fed) > 1 and len(numbers) == 1 and None not in numbers:
@@ -70,13 +74,6 @@ def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
                     expected="each wheel's own element",
                     related=(maker.path, *dict.fromkeys(fed)),
                 )
-
-
-def _element(node: Node, size: int, subject: LintSubject) -> int | None:
-    """Return the number of the element that a node takes of an array, None for all or unknown."""
-    index = _index_port(node)
-    value = effective_value(node, index, subject.live) if index else None
-    return value % size if isinstance(value, int) else None
 
 
 def _index_port(node: Node) -> str:

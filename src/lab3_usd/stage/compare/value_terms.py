@@ -257,7 +257,8 @@ def place_differences(
     if what is None:
         return
     names = [name for name in twin.GetAuthoredPropertyNames() if terms.classes(name) == "pose"]
-    changed = [name for name in names if not _same_pose_value(prim, twin, name)]
+    pairs = [(name, prim.GetAttribute(name), twin.GetAttribute(name)) for name in names]
+    changed = [name for name, old, new in pairs if not old or not new or old.Get() != new.Get()]
     before, after = (shown_place(what, matrix) for matrix in (was, now))
     physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
     yield Difference("place", next(iter(changed), ""), before, after, physics)
@@ -289,11 +290,6 @@ def is_authored(prim: Usd.Prim, name: str) -> bool:
         return bool(attribute.HasAuthoredValueOpinion())
     relationship = prim.GetRelationship(name)
     return bool(relationship and relationship.HasAuthoredTargets())
-
-
-def _same_pose_value(prim: Usd.Prim, twin: Usd.Prim, name: str) -> bool:
-    was, now = prim.GetAttribute(name), twin.GetAttribute(name)
-    return bool(was) and bool(now) and was.Get() == now.Get()
 
 
 def matrix_of(prim: Usd.Prim, *, local: bool) -> Matrix:

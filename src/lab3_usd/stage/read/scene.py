@@ -100,7 +100,10 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     targets = {path for paths in named for path in paths}
     for path in platform.application_prims:
         if path in targets and path not in prims:
-            prims[path] = _made_camera(path)
+            # A camera that the application makes is as its schema has it.
+            beside = Usd.Stage.CreateInMemory()
+            made = UsdGeom.Camera.Define(beside, path).GetPrim()
+            prims[path] = _prim(made, path, str(made.GetTypeName()), NO_TIME, {}, {})
     port_names = {
         node.path: names
         for members in nodes.values()
@@ -133,13 +136,6 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
         prims,
         missing,
     )
-
-
-def _made_camera(path: str) -> ScenePrim:
-    """Return a camera that the application makes, as its schema has it."""
-    stage = Usd.Stage.CreateInMemory()
-    made = UsdGeom.Camera.Define(stage, path).GetPrim()
-    return _prim(made, path, str(made.GetTypeName()), NO_TIME, {}, {})
 
 
 def _only_users(prims: Mapping[str, ScenePrim], platform: Platform) -> dict[str, str]:
