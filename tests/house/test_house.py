@@ -228,6 +228,40 @@ def test_ids_of_rules_and_ports_of_nodes_stand_in_one_place() -> None:
     assert len(quoted(r"(?:in|out)puts:\w+", "".join(texts.values()))) <= MOST_PORTS
 
 
+# A private function of so few lines with one caller is to have a name that says what they do not.
+FEW_LINES, MOST_SHORT_FUNCTIONS = 3, 158
+
+
+def short_functions(code: str) -> list[str]:
+    """Return the private functions of few lines that stand at one place beside their definition."""
+    nodes = list(ast.walk(ast.parse(code)))
+    uses = Counter(getattr(node, "id", getattr(node, "attr", "")) for node in nodes)
+    return [
+        node.name
+        for node in nodes
+        if isinstance(node, ast.FunctionDef) and not node.decorator_list and uses[node.name] == 1
+        if re.match("_[a-z]", node.name) and lines_of_body(node) <= FEW_LINES
+    ]
+
+
+def lines_of_body(function: ast.FunctionDef) -> int:
+    """Return how many lines a function has below its docstring."""
+    first = function.body[ast.get_docstring(function) is not None]
+    return (function.end_lineno or 0) - first.lineno + 1
+
+
+def test_a_short_function_with_one_caller_is_noticed() -> None:
+    body = '"""Say."""\n' + "".join(f"    {name} = 1\n" for name in "bcd")
+    assert short_functions(f"def _a():\n    {body}_a()") == ["_a"]
+    assert short_functions(f"def _a():\n    {body}    e = 1\n_a()") == []
+    assert short_functions(f"def _a():\n    {body}_a(), _a()") == []
+
+
+def test_a_short_function_has_several_callers_or_a_good_name() -> None:
+    functions = [name for path in SOURCES for name in short_functions(path.read_text())]
+    assert len(functions) <= MOST_SHORT_FUNCTIONS
+
+
 def given_up(text: str) -> list[str]:
     """Return the words to write instead of those that were given up."""
     patterns = {words.replace(" ", r"\s+"): instead for words, instead in GIVEN_UP.items()}
