@@ -152,7 +152,7 @@ def _wrong_parts(name: str, spec: PropSpec, prim: Prim, subject: StageSubject) -
         )
     faults = [*_faults(spec, prim, subject.stage)]
     brought = {fault.part: [*_brought_by(fault, faults)] for fault in faults}
-    told_elsewhere = [other for others in brought.values() for other in others]
+    told_elsewhere = [other for members in brought.values() for other in members]
     for fault in (each for each in faults if each not in told_elsewhere):
         together = (fault, *brought[fault.part])
         lost = "".join(f", and {other.part} with it" for other in together[1:])
@@ -174,11 +174,11 @@ def _wrong_parts(name: str, spec: PropSpec, prim: Prim, subject: StageSubject) -
         )
 
 
-def _brought_by(fault: _Fault, others: list[_Fault]) -> Iterator[_Fault]:
+def _brought_by(fault: _Fault, faults: list[_Fault]) -> Iterator[_Fault]:
     """Yield the values that are not set because a schema with the same instance is missing."""
     instance = fault.part.partition(":")[2]
     if fault.is_schema and instance:
-        for other in others:
+        for other in faults:
             is_unset = not other.is_schema and other.actual == display(None)
             if is_unset and other.part.endswith(f":{instance}"):
                 yield other

@@ -360,15 +360,15 @@ def topic_spelling(subject: GraphSubject) -> Iterator[Problem]:
             yield replace(setting_problem(subject, judged, message), assumes=(site,))
 
 
-def _same_topic(found: Found, subject: GraphSubject) -> str:
+def _same_topic(judged: Found, subject: GraphSubject) -> str:
     """Say why a topic is the one asked for: by its spelling, or by another namespace before it."""
-    own, asked = display(found.value), display(found.setting.value)
-    if setting_matches(found.node, found.setting, found.value):
+    own, asked = display(judged.value), display(judged.setting.value)
+    if setting_matches(judged.node, judged.setting, judged.value):
         return f"{own}, which is {asked} to ROS 2"
     port = INPUT + subject.lab.platform.ros.namespace
-    space = str(effective_value(found.node, port, subject.live_nodes) or "")
-    of_role = next((str(each.value) for each in found.spec.settings if each.port == port), "")
-    topic = resolved_topic(str(found.value), space)
+    space = str(effective_value(judged.node, port, subject.live_nodes) or "")
+    of_role = next((str(each.value) for each in judged.spec.settings if each.port == port), "")
+    topic = resolved_topic(str(judged.value), space)
     return f"{own}{_within(space)}, which gives {topic} as {asked}{_within(of_role)} does"
 
 
