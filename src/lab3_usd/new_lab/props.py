@@ -57,10 +57,10 @@ def describe_props(
                 start = {} if is_supplied else {"from": since}
                 described[path, since] = {**data, **start}
     paths = {path for things in stages.values() for path in things}
-    known = {path for path, _ in described}
-    holders = {above for path in known for above in upwards(path)} & paths
+    described_paths = {path for path, _ in described}
+    holders = {above for path in described_paths for above in upwards(path)} & paths
     data = _named(_grouped(described, paths), first=ids[0])
-    return Props(data, tuple(known | holders), tuple(dict.fromkeys(left_out)))
+    return Props(data, tuple(described_paths | holders), tuple(dict.fromkeys(left_out)))
 
 
 _LISTED = (
@@ -108,11 +108,11 @@ def _by_start(states: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, dict[
         for name in final.get(key, {}):
             lacking = [n for n, id_ in enumerate(ids) if name not in states[id_].get(key, {})]
             starts[key, name] = ids[lacking[-1] + 1 if lacking else 0]
-    found = {}
+    by_start = {}
     for number, start in enumerate(ids):
         if number and start not in starts.values():
             continue
-        found[start] = {
+        by_start[start] = {
             id_: {
                 **(
                     {key: state.get(key) for key in ("type", "asset", "resolved")}
@@ -128,7 +128,7 @@ def _by_start(states: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, dict[
             }
             for id_, state in [*states.items()][number:]
         }
-    return found
+    return by_start
 
 
 def _place(origin: Sequence[float] | None) -> dict[str, float]:
@@ -177,11 +177,11 @@ _VALUES = ("set", "targets", "variants", "place")
 def _changing(state: Mapping[str, Any], changed: Collection[tuple[str, str]]) -> dict[str, Any]:
     """Return the values of a thing that are not the same at all checkpoints; a place is whole."""
     moved = {key for key, _ in changed} & {"place"}
-    found = {
+    changing = {
         key: {n: v for n, v in state[key].items() if (key, n) in changed or key in moved}
         for key in _VALUES
     }
-    return {key: value for key, value in found.items() if value}
+    return {key: value for key, value in changing.items() if value}
 
 
 def _same(first: Any, second: Any) -> bool:
@@ -216,14 +216,14 @@ def _grouped(
     groups: dict[tuple[str, str], list[str]] = {}
     for path, since in described:
         groups.setdefault((patterns[path], since), []).append(path)
-    found = {}
+    grouped = {}
     for (pattern, since), members in groups.items():
         data = dict(described[members[0], since])
         if members[1:]:
             counted = {"count": len(members)} if "type" in data else {}
             data = {**_of_group(data), **counted}
-        found[pattern, since] = data
-    return found
+        grouped[pattern, since] = data
+    return grouped
 
 
 def _levels(paths: Collection[str]) -> list[list[str]]:

@@ -107,8 +107,8 @@ def known_type(prim: Usd.Prim, name: str) -> Sdf.ValueTypeName | None:
     node = Sdr.Registry().GetShaderNodeByIdentifier(shader.Get() or "")
     place, _, port = name.partition(":")
     find = {"inputs": "GetShaderInput", "outputs": "GetShaderOutput"}.get(place, "")
-    found = getattr(node, find)(port) if node and find else None
-    return found.GetTypeAsSdfType().GetSdfType() if found else None
+    attribute = getattr(node, find)(port) if node and find else None
+    return attribute.GetTypeAsSdfType().GetSdfType() if attribute else None
 
 
 @cache
