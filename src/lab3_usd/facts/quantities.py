@@ -68,14 +68,14 @@ def quantity_of(
 @once_per_stage
 def wheel_commands(stage: StageModel) -> tuple[tuple[Command, tuple[Prim, ...]], ...]:
     """Return the commands that a controller of wheels computes, with the joints of the wheels."""
-    found = []
+    wheeled = []
     for command in commands(stage):
         _, velocity, _ = command.ports.commands
         given = quantity_of(command.node, velocity, stage) if command.roots else None
         is_of_wheels = given is not None and given.name == _WHEEL_SPEEDS
         if is_of_wheels and command.node.path in run_states(stage):
-            found.append((command, tuple(joints_commanded(command, velocity, stage))))
-    return tuple(found)
+            wheeled.append((command, tuple(joints_commanded(command, velocity, stage))))
+    return tuple(wheeled)
 
 
 def _units(node: Node, platform: Platform) -> UnitOf | None:
