@@ -157,7 +157,7 @@ def test_the_result_is_written_where_gradescope_looks(tmp_path: Path) -> None:
     ran = run(
         "grade", "--format", "gradescope", "--starter", starter(), folder, "--output", out
     )  # fmt: skip
-    assert (ran.exit_code, ran.output) == (0, "")
+    assert (ran.exit_code, ran.output) == (0, f"lab3: the report is in {out}\n")
     assert json.loads(out.read_text())["score"] == POINTS
 
 
