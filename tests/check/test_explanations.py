@@ -33,9 +33,18 @@ def finding(rule: str, prim: str, severity: Severity = "error", *related: str) -
     return Finding(rule, all_rules()[rule].name, severity, prim, "it is wrong", related=related)
 
 
-def explained(*findings: Finding) -> str:
-    found = explaining_finding(CHECK, findings)
+def explained(*findings: Finding, check: Check = CHECK) -> str:
+    found = explaining_finding(check, findings)
     return found.rule if found is not None else ""
+
+
+def test_what_renames_the_joint_that_a_node_misses_explains_it() -> None:
+    value = finding("P01", SOURCE)
+    joint = finding("S07", "/World/Bot/lft", "error", "/World/Bot/left")
+    missing = replace(CHECK, kind="unknown-joint", cause="it has no joint 'left' that turns")
+    assert explained(value, joint, check=missing) == "S07"
+    other = replace(missing, cause="it has no joint 'right' that turns")
+    assert explained(value, joint, check=other) == "P01"
 
 
 def test_the_rule_that_finds_such_faults_is_named_where_the_fault_is_or_before_it() -> None:

@@ -5,6 +5,7 @@ A recording has no stage beside it: there each kind of fault has a rule whose ma
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Mapping, Sequence
 from functools import partial
 
@@ -193,9 +194,10 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
     """Return what the rules found that explains a failed check; None if only it shows that.
 
     It is of a rule that finds such faults, or an error about a graph or the lab, and stands at the
-    prim at fault or at what feeds that. Of such a rule it may stand anywhere where nothing is known
-    to be at fault, as the node itself is missing. Errors count before warnings, then what is near,
-    then such rules. What is wrong with the whole stage comes last.
+    prim at fault or at what feeds that. Of such a rule it may name what a node misses, and stand
+    anywhere where nothing is known to be at fault, as the node itself is missing. Errors count
+    before warnings, then what is near, then such rules. What is wrong with the whole stage comes
+    last.
     """
     if check.kind is None:
         return None
@@ -205,6 +207,7 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
     is_strict = check.kind in _ELSEWHERE or check.verdict != "bad"
     sites = {prim: number for number, prim in enumerate(check.rests_on)}
     far = 2 * len(sites) + 1
+    missed = {*re.findall(r"'([^']+)'", check.cause)}  # names that a node looks for
 
     def away(finding: Finding) -> int | None:
         """Return how far it is from the fault, None where it does not speak of it."""
@@ -217,6 +220,8 @@ def explaining_finding(check: Check, findings: Sequence[Finding]) -> Finding | N
             return 0
         if is_usual and check.prim in named:
             return 1
+        if is_usual and missed.intersection(path.rpartition("/")[2] for path in named):
+            return 0
         # What is missing or switched off is no part of the scene, but what it stands in is.
         above = (path.rpartition("/")[0] or "/" for path in places)
         near = [sites[place] for place in places if place in sites]
