@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import shutil
 from pathlib import Path
 
@@ -156,12 +157,35 @@ def test_a_submission_is_graded_by_the_team_of_its_names(
     assert graded.get("team", "") == (team if status == "graded" else "")
 
 
+@pytest.mark.parametrize(
+    ("student", "status", "earned"),
+    [("team_7", "graded", 5.0), ("Group 8", "graded", 4.3), ("steam7", "unreadable", 0)],
+)
+def test_where_names_of_files_say_no_team_that_of_the_folder_does(
+    folder: Path, last: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch,
+    student: str, status: str, earned: float,
+) -> None:  # fmt: skip
+    lab = shutil.copytree(folder, tmp_path / "lab")
+    points = lab / "checkpoints.yaml"
+    points.write_text(points.read_text().replace("T{team}_", ""))
+    monkeypatch.setenv(LAB_VARIABLE, str(lab))
+    work, scratch = tmp_path / student / "work", tmp_path / "scratch"
+    work.mkdir(parents=True)
+    scratch.mkdir()
+    shutil.copyfile(last, work / last.name.replace("T7_", ""))
+    setup = load_setup(PoolSettings(None, None, Limits()))
+    task = Task(student, student, (Source(work.parent),))
+    graded = grade_submission(setup, task, scratch, lambda _name: None)
+    assert (graded["status"], graded["earned"]) == (status, earned)
+    assert "LAB3_TEAM" not in os.environ
+
+
 def test_values_that_only_the_option_can_give_are_said(folder: Path, tmp_path: Path) -> None:
     lab = shutil.copytree(folder, tmp_path / "lab")
     points = lab / "checkpoints.yaml"
     points.write_text(points.read_text().replace("T{team}_", ""))
     (told,) = team_faults(load_lab(lab))
-    assert str(told).startswith("checkpoints.yaml: files: no {team}, so that only --team says")
+    assert str(told).startswith("checkpoints.yaml: files: no {team}, so that only --team and")
     assert not [*team_faults(load_lab(folder))]
 
 

@@ -146,6 +146,15 @@ def team_of(stem: str, name: str) -> str:
     return "" if match is None else match[1]
 
 
+_TEAM_FOLDER = re.compile(r"(?i)(?<![a-z])(?:team|group)[\s_-]*(\d+)")
+
+
+def team_in(folder: str) -> str:
+    """Return the team that a submission is called after, as in `team_7`, '' for none."""
+    match = _TEAM_FOLDER.search(folder)
+    return "" if match is None else match[1]
+
+
 FIRST_TEAM = "01"
 
 

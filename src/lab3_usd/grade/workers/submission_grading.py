@@ -14,6 +14,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.rule_runs import finding_of
+from lab3_usd.data import TEAM_VARIABLE, own_team
 from lab3_usd.deliverables.maps import SuppliedMap
 from lab3_usd.errors import UnknownTeamError
 from lab3_usd.grade.dry_runs import with_dry_runs
@@ -39,7 +40,7 @@ from lab3_usd.pipeline.results import UNREADABLE, with_findings
 from lab3_usd.pipeline.starter_comparison import Starter
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
-from lab3_usd.spec.submission import has_teams, team_of
+from lab3_usd.spec.submission import has_teams, team_in, team_of
 from lab3_usd.stage.graph_signature import files_read, graph_signature
 from lab3_usd.stage.read.opening import PLACEHOLDER
 from lab3_usd.stage.sandboxed_open import BlockedAsset, FileBounds, opening_within
@@ -88,12 +89,35 @@ def grade_submission(
     if task.known and task.known == staged.digest:
         return {"status": "known", "digest": staged.digest}
     try:
-        graded = grade_staged(setup, task, staged, announce)
+        with _team_named(setup.lab, task):
+            graded = grade_staged(setup, task, staged, announce)
     except UnknownTeamError as error:
         return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
     if setup.with_report:
         graded["place"] = staged.folder.relative_to(scratch).as_posix()
     return graded
+
+
+@contextlib.contextmanager
+def _team_named(lab: Lab, task: Task) -> Iterator[None]:
+    """Judge with the values of the team that a submission is called after.
+
+    Names of files say it where they have a place for it, and whoever grades may have said it.
+
+    Raises:
+        UnknownTeamError: the lab has no values for it.
+    """
+    is_asked = bool(lab.by_team) and not has_teams(lab.files) and not own_team()
+    team = next(filter(None, map(team_in, (task.student, task.name))), "") if is_asked else ""
+    if not team:
+        yield
+        return
+    os.environ[TEAM_VARIABLE] = team
+    try:
+        lab_of_team(lab, [("", lab.first)])
+        yield
+    finally:
+        del os.environ[TEAM_VARIABLE]
 
 
 def grade_staged(

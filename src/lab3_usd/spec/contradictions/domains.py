@@ -56,7 +56,7 @@ def _without_context(graph: GraphSpec, places: Mapping[object, str]) -> Iterator
 def team_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield values by team where no name of a file says which team it is."""
     if lab.by_team and not has_teams(lab.files):
-        message = f"no {TEAM}, so that only --team says whose values count"
+        message = f"no {TEAM}, so that only --team and folders as team_7 say whose values count"
         yield LabFault(CHECKPOINTS, "files", message, lab.by_team[0], "warning")
 
 

@@ -87,7 +87,8 @@ class CheckpointsFile(Struct, forbid_unknown_fields=True):
 
     `{team}`, in quotation marks, is also a value by team in graphs, scene, `ros.yaml` and frames:
     `topicName: "/t{team}/scan"`, or alone a number, `domain_id: "{team}"`. The name of a stage says
-    the team, or `--team 7` before the command; `build` without it takes 01.
+    the team, without a place for it the folder of a submission to `grade` (`team_7`), or `--team 7`
+    before the command; `build` without it takes 01.
     """
 
     title: str

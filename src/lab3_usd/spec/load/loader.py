@@ -33,7 +33,7 @@ def load_lab(folder: Path | None = None, team: str = "") -> Lab:
 
 
 def lab_of_team(lab: Lab, names: Iterable[tuple[str, str]]) -> Lab:
-    """Return a lab with the values of the team that names of stages say, of the first that does.
+    """Return a lab with the values of the team that names of stages say, else the environment.
 
     `names` are those of the files, each with its checkpoint. A lab that was loaded for a team, or
     where all teams have the same values, is returned as it is.
@@ -46,11 +46,14 @@ def lab_of_team(lab: Lab, names: Iterable[tuple[str, str]]) -> Lab:
     given = [(PurePath(name).stem, lab.files[checkpoint]) for name, checkpoint in names]
     if not lab.by_team or lab.team or not given:
         return lab
-    team = next((team for stem, file in given if (team := team_of(stem, file))), "")
+    team = next((team for stem, file in given if (team := team_of(stem, file))), own_team())
     if not team:
         stem, file = given[0]
+        by_folder = ", for grades also a folder called team_7"
         said = "" if example_of(file) == file else f", as {example_of(file)} does"
-        raise UnknownTeamError(f"{stem}: names no team{said}; {program()} --team N says it")
+        raise UnknownTeamError(
+            f"{stem}: names no team{said}; {program()} --team N says it{by_folder * (not said)}"
+        )
     try:
         return load_lab(lab.folder, team)
     except SpecError as error:
