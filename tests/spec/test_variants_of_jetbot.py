@@ -18,6 +18,7 @@ from lab3_usd.check.manual import rules_in
 from lab3_usd.check.rules.targets import _difference
 from lab3_usd.model.finding import Finding
 from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.spec.contradictions.references import lab_faults
 from lab3_usd.spec.graph import Target
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.scene import NO_ROBOT
@@ -162,6 +163,28 @@ def test_who_did_an_optional_milestone_is_not_faulted_for_it_later(extra_frame: 
     (later,) = (extra_frame / "built").glob("*topics.usda")
     shutil.copyfile(done, later)
     assert findings(extra_frame, "topics", nothing) == []
+
+
+def test_the_tree_grows_with_the_graphs_that_send_it(extra_frame: Path, tmp_path: Path) -> None:
+    points = shutil.copytree(extra_frame, tmp_path / "lab") / "checkpoints.yaml"
+    points.write_text(points.read_text().replace("optional: true", "optional: false"))
+    lab = load_lab(tmp_path / "lab")
+    assert [fault for fault in lab_faults(lab) if fault.severity == "error"] == []
+    asked = {key: {child for _, child in lab.at(key).frames.edges} for key in ("4", "5", "6")}
+    assert asked["5"] - asked["4"] == asked["6"] - asked["4"] == {"Imu"}
+
+
+def test_a_graph_named_as_the_tree_gets_another_name_in_a_new_lab(
+    extra_frame: Path, tmp_path: Path
+) -> None:
+    (stage,) = (extra_frame / "built").glob("*imu.usda")
+    layer = Sdf.Layer.OpenAsAnonymous(str(stage))
+    edit = Sdf.BatchNamespaceEdit()
+    edit.Add(FRAME, FRAME.replace("ImuFrame", "TF"))
+    assert layer.Apply(edit)
+    layer.Export(str(tmp_path / "lab_1.usda"))
+    told = invoke("lab", "new", tmp_path / "lab", tmp_path / "lab_1.usda").output
+    assert f"{tmp_path}/lab/Jetbot_TF.yaml" in told
 
 
 def test_a_graph_that_was_left_without_its_sensor_is_told(extra_frame: Path) -> None:

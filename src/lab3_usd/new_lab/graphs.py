@@ -15,11 +15,12 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, fits_type, is_known_type, typed_value
 from lab3_usd.model.stage import GraphModel, Node, StageModel
-from lab3_usd.new_lab.checkpoints import part_letter
+from lab3_usd.new_lab.checkpoints import TREE_GROUP, part_letter
 from lab3_usd.new_lab.yaml_text import as_typed, document
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CATALOG, Lab
 from lab3_usd.spec.load.graph_file import parse_graph
+from lab3_usd.spec.scene import SCENE_GROUP
 
 _HEAD = "Node types of the stage that are not public types of Isaac Sim, and earlier names."
 _NOTES = {
@@ -115,7 +116,7 @@ def describe_graphs(
     for graph in ordered:
         name = graph.name
         above = graph.path.split("/")[-2::-1]
-        while name in names:
+        while name in (*names, TREE_GROUP, SCENE_GROUP):  # which are other groups
             name = f"{above.pop(0) or 'other'}_{name}"
         names[name] = graph
     return tuple(

@@ -271,17 +271,14 @@ def _forbidden(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
 
 
 def _too_early_frames(lab: Lab, given: list[GraphFrame]) -> Iterator[LabFault]:
-    """Yield that the tree is asked for before the graph of a part that may not be left out."""
+    """Yield that the tree is asked for before any graph that publishes a part of it."""
     first = next(point for point in lab.checkpoints.values() if point.frames)
-    optional = (point.new for point in lab.checkpoints.values() if point.optional)
-    there = {f"{name}.yaml" for name in sum(optional, first.graphs)}
-    for _, child in lab.frames.edges:
-        makers = [frame for frame in given if frame.child == child]
-        if makers and not any(frame.file in there for frame in makers):
-            message = f"asks for the frame '{child}', which a later checkpoint publishes"
-            key = f"checkpoints: '{lab.key_of(first.id)}': adds: frames"
-            yield LabFault(CHECKPOINTS, key, message, makers[0].place)
-            return
+    makers = {frame.child: frame for frame in reversed(given)}
+    asked = [child for _, child in lab.frames.edges if child in makers]
+    if asked and first.unsent.issuperset(asked):
+        message = f"asks for the frame '{asked[0]}', which a later checkpoint publishes"
+        key = f"checkpoints: '{lab.key_of(first.id)}': adds: frames"
+        yield LabFault(CHECKPOINTS, key, message, makers[asked[0]].place)
 
 
 def _misplaced_localization(lab: Lab) -> Iterator[LabFault]:

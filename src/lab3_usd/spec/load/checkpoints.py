@@ -41,7 +41,10 @@ def is_checkpoint_id(text: str) -> bool:
 
 
 class _Additions(Struct, forbid_unknown_fields=True):
-    """The difference from the previous checkpoint."""
+    """The difference from the previous checkpoint.
+
+    From `frames: true` on, the TF tree is asked for, as far as the graphs that are there send it.
+    """
 
     graphs: tuple[str, ...] = ()
     sensors: tuple[str, ...] = ()
