@@ -37,8 +37,8 @@ from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.any_stage import lint_platform
+from lab3_usd.sim.any_stage import effects_of
 from lab3_usd.sim.dry_run import dry_run
-from lab3_usd.sim.effects import effects_of
 from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.spec.graph import GraphSpec, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab

@@ -6,10 +6,12 @@ Nothing of a lab is asked. Each robot is driven by its own commands, in a play o
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Sequence
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.model.fault import FaultKind
@@ -49,6 +51,7 @@ from lab3_usd.sim.timeline import uncollected
 CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 THROUGH = 0.02  # part of a range by which a ray may be longer
 REPEATED = 4  # times that a transform comes which is no static one
+_MOVED = 1e-3  # metres or radians; less is numerical noise
 # What a node says of commands for another robot, of the value of a moment, or of its own switch.
 _PASSING: tuple[FaultKind, ...] = (
     "wrong-topic", "wrong-domain", "no-number-input", "switched-off",
@@ -113,6 +116,50 @@ def play_any(scene: Scene, platform: Platform, drive: str | None, topic: str = "
         rest = [check for check in whole if check.name != "graphs"]
         whole = [verdict("graphs", [*graphs(first), *failures], first), *rest]
     return Played(robots, tuple(plays), tuple(whole))
+
+
+def effects_of(stage: Any, platform: Platform) -> frozenset[str]:
+    """Return what an open stage does in a dry run: which nodes publish what, and what moves.
+
+    Nothing is known of one that cannot be played. `lab3 fix` calls it before and after repairs.
+    """
+    from lab3_usd.stage.read.opening import quiet
+    from lab3_usd.stage.read.scene import read_scene
+
+    try:
+        with quiet():
+            played = play_any(read_scene(stage, platform), platform, None)
+    except StageError:
+        return frozenset()
+    # The first play shows the messages of all.
+    sent = {(message.node, message.type) for message in played.plays[0].trial.recording.messages}
+    pairs = zip(played.robots, played.plays, strict=False)
+    moving = [robot for robot, play in pairs if _moves(play.trial)]
+    return frozenset(
+        (
+            *(f"{node} publishes {kind}" for node, kind in sent),
+            *(f"{robot.controller} moves its robot" for robot in moving),
+        )
+    )
+
+
+def _moves(play: Trial) -> bool:
+    places: list[tuple[float, ...]] = [
+        (pose.x, pose.y, pose.heading) for pose in play.recording.path
+    ]
+    joints: list[tuple[float, ...]] = [
+        tuple(held.positions.values()) for held in play.recording.held
+    ]
+    return any(_differ(states) for states in (places, joints))
+
+
+def _differ(states: Sequence[tuple[float, ...]]) -> bool:
+    """Whether any number of some states differs from that of the first one."""
+    return any(
+        abs(now - first) > _MOVED
+        for state in states[1:]
+        for first, now in zip(states[0], state, strict=False)
+    )
 
 
 def _failing(plays: Sequence[Judged], whole: Sequence[Check]) -> Iterator[RunFault]:

@@ -14,5 +14,5 @@ FEATURE = Feature(
             "lab3_usd.features.sim.sim",
         ),
     },
-    answers={"effects_of": "lab3_usd.sim.effects", "with_dry_run": "lab3_usd.features.sim.notes"},
+    answers={"effects_of": "lab3_usd.sim.any_stage", "with_dry_run": "lab3_usd.features.sim.notes"},
 )
