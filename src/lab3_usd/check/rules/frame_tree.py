@@ -189,7 +189,7 @@ def competes_with_localization(view: TfView) -> Iterator[Problem]:
     """The stage publishes `map -> odom`, as localization does.
 
     Why: AMCL corrects the robot's pose by moving `odom` in `map`. A second publisher of the same
-    transform resets it in every frame, and the robot jumps.
+    transform resets it at every update, and the robot jumps.
 
     Fix: if it is the publisher of the lab, set Parent Frame ID to `{root}` and Child Frame ID to
     `{base}`. Delete any other one from the stage. Localization places this frame while the system

@@ -27,8 +27,8 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
     Why: an input without a wire and a value is 0 or empty. A publisher without a time stamps every
     message with 0, a helper without a render product publishes nothing, a controller without a
     wheel radius outputs no command. A constant time is no better. Isaac Sim reports nothing, or
-    logs a line each frame. In a file with graphs but neither robot nor sensor, another stage may
-    supply the prims: a warning.
+    logs a line at every update. In a file with graphs but neither robot nor sensor, another stage
+    may supply the prims: a warning.
 
     Fix: connect the input to the node that computes it, or set it in the Property panel.
 

@@ -32,7 +32,7 @@ from lab3_usd.model.stage import StageModel, UnresolvedAsset
 def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
     """A controller names a joint that its robot does not have.
 
-    Why: the controller logs an error for each frame, and moves none of its joints. A joint between
+    Why: the controller logs an error at every update, and moves none of its joints. A joint between
     missing bodies, or of something else, does not belong to the robot. An articulation ends at a
     joint that is excluded from it, a fixed one too: what lies behind has no axes.
 

@@ -174,7 +174,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
 
     Why: if it is read more often than it turns, each message covers a part of the circle, and the
     rest of the scan is empty, as it is without accumulation: -1. With a tick rate of 0 it is read
-    at every frame. A rate that is not set is 10.
+    at every update. A rate that is not set is 10.
 
     Fix: set tick rate and scan rate to the same number, and Accumulate Outputs to True.
 
@@ -216,7 +216,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
         if values.written.get(names.whole) is False and prim.path in flat:
             yield Problem(
                 prim.path,
-                f"{names.whole} is False: a scan has the points of one frame, else -1",
+                f"{names.whole} is False: a scan has the points of one update, else -1",
                 property=names.whole,
                 expected="True",
                 actual="False",

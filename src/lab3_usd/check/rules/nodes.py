@@ -323,7 +323,7 @@ def script_node(subject: StageSubject) -> Iterator[Problem]:
 def wheels_commanded_twice(subject: RobotSubject) -> Iterator[Problem]:
     """A second node commands the wheels.
 
-    Why: both controllers write the wheel velocities in every frame, and the last one wins. The
+    Why: both controllers write the wheel velocities at every update, and the last one wins. The
     robot does not move, or does not follow its commands.
 
     Fix: delete the graph of that node. Isaac Sim's menu for a differential controller creates one.

@@ -173,7 +173,7 @@ def forbidden_wire(subject: GraphSubject) -> Iterator[Problem]:
     """The lab forbids this wire.
 
     Why: the execOut of a subscriber fires only when a message arrives. A controller driven by it
-    runs at the rate of the messages and not in every frame.
+    runs at the rate of the messages and not at every update.
 
     Fix: delete the connection, and trigger the node from the tick of On Playback Tick.
 
