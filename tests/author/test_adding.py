@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import math
 import re
 from pathlib import Path
 
@@ -629,3 +630,31 @@ def test_a_gripper_asks_for_all_that_it_lacks_at_once(tmp_path: Path) -> None:
     assert "--close" in text
     assert "--open" not in text
     assert add(path, "gripper", joints=joints, open=0.04, close=0.0, speed=0.001).data is not None
+
+
+@pytest.mark.parametrize(
+    ("right_limit", "places"), [(90.0, [math.pi / 2, -math.pi / 6]), (80.0, None)]
+)
+def test_a_gripper_moves_between_the_limits_that_its_fingers_share(
+    tmp_path: Path, right_limit: float, places: list[float] | None
+) -> None:
+    path = bot(tmp_path)
+    stage = Usd.Stage.Open(str(path))
+    for prim in stage.Traverse():
+        joint = UsdPhysics.RevoluteJoint(prim)
+        if joint:
+            joint.CreateLowerLimitAttr(-30.0)
+            joint.CreateUpperLimitAttr(right_limit if "right" in prim.GetName() else 90.0)
+    stage.Save()
+    fingers = {"joints": ("left_joint", "right_joint"), "speed": 0.001}
+    if places is None:
+        assert "the fingers have no common limits" in refusal(path, "gripper", **fingers)
+        return
+    stage = written(path, "gripper", **fingers)
+    ports = [
+        attribute.Get()[0]
+        for name in ("openPosition", "closePosition")
+        for prim in stage.Traverse()
+        if (attribute := prim.GetAttribute(f"inputs:{name}")).IsValid() and attribute.Get()
+    ]
+    assert ports == pytest.approx(places)

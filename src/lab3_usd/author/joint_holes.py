@@ -122,8 +122,9 @@ def gripper(task: Task) -> Iterator[Hole]:
     for name, value, limit in (("open", options.open, high), ("close", options.close, low)):
         if value is not None:
             yield Hole(name, (float(value),), name, f"{value:g}", "given", f"--{name}")
-        elif math.isfinite(limit) and joints[0].prim.type != "":
-            yield Hole(name, (limit,), name, f"{limit:g}", "limit of the joints", f"--{name}")
+        elif math.isfinite(limit):
+            place = math.radians(limit) if joints[0].is_angular else limit
+            yield Hole(name, (place,), name, f"{place:g}", "limit of the joints", f"--{name}")
         else:
             lacking.append(f"--{name}")
     asked = [f"{' and '.join(lacking)} (the fingers have no common limits)"] if lacking else []
