@@ -6,6 +6,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import pytest
+from in_process import lab3
 from pxr import Usd, UsdPhysics
 from robot_kinds import car_with_clock, four_wheels, mobile, rollers
 
@@ -103,6 +104,13 @@ def test_a_car_that_its_rear_wheels_steer_is_written_as_one(tmp_path: Path) -> N
     values = {(kind, port): value for kind, port, value in sizes(added(path, Request("ackermann")))}
     assert values["AckermannController", "invertSteering"] is True
     assert values["AckermannController", "wheelBase"] == 0.6
+
+
+def test_the_sizes_of_a_car_are_said_with_what_they_lie_between(tmp_path: Path) -> None:
+    path = bare(car_with_clock, tmp_path / "bare.usda")
+    said = " ".join(lab3("add", "ackermann", path).stdout.split())
+    assert "wheel base 0.600 m between front and rear joints" in said
+    assert "track 0.400 m between rear_left_joint and rear_right_joint" in said
 
 
 @pytest.mark.parametrize(("make", "kind"), DRIVES)

@@ -315,6 +315,15 @@ def test_a_tree_that_lacks_a_frame_or_has_a_wrong_parent_is_an_error(
     assert [p.severity for p in found["E11"]] == [None]
 
 
+def test_a_wrong_type_that_two_outputs_show_is_one_finding(tmp_path: Path) -> None:
+    wrong = {
+        "topic_type_scan.txt": "sensor_msgs/msg/PointCloud2\n",
+        "topic_info_scan.txt": info("sensor_msgs/msg/PointCloud2", "lidar"),
+    }
+    (problem,) = problems(subject(tmp_path, {**diagnostics(), **wrong}))["E02"]
+    assert problem.prim.endswith("topic_type_scan.txt")
+
+
 def test_an_early_list_of_nodes_is_one_finding(tmp_path: Path) -> None:
     files = {**diagnostics(), "node_list.txt": "/World_ROS_Clock_ros2_publish_clock\n"}
     (problem,) = problems(subject(tmp_path, files))["E09"]

@@ -99,6 +99,11 @@ def test_the_nearest_is_named() -> None:
     assert explained(*near) == "W01"
 
 
+def test_what_stands_at_the_fault_is_named_before_what_only_names_its_place() -> None:
+    there = finding("W01", NODE)
+    assert explaining_finding(CHECK, [finding("W01", ELSEWHERE, "error", NODE), there]) is there
+
+
 def test_an_error_is_named_before_a_warning_and_a_note_never() -> None:
     assert explained(finding("W01", NODE, "warning"), finding("P01", NODE)) == "P01"
     assert explained(finding("W01", NODE, "note")) == ""

@@ -40,3 +40,10 @@ def test_each_rule_about_scripts_has_a_case() -> None:
     assert about_scripts == {"B01", "B02", "B03", "B04", "B05", "B06", "B07", "B08"}
     told = {rule for case in CASES for rule, _ in expected(case.read_text(encoding="utf-8"))}
     assert about_scripts <= told
+
+
+def test_a_port_that_a_node_lacks_is_named_with_the_one_that_is_meant(tmp_path: Path) -> None:
+    (case,) = (case for case in CASES if case.stem == "clock_right")
+    result = lint(case.read_text(encoding="utf-8").replace("topicName", "topicNames"), tmp_path)
+    told = {(f.rule, f.expected, f.actual) for f in result.findings if f.severity == "error"}
+    assert told == {("B01", "inputs:topicName", "inputs:topicNames")}
