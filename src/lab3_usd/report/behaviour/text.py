@@ -161,7 +161,7 @@ def render(
     for robot in behaviour.robots:
         heard = f"{robot.prim}: commands on {robot.topic} in domain {robot.domain}"
         remarks = (*remarks, printable(heard))
-    lines.append("")
+    lines += [""] if behaviour.checks else []
     for remark in remarks:
         lines += folded(remark, width, rest="  ")
     lines.append(sum_text(behaviour))

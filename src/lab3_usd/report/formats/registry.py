@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import importlib
 
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import UsageError, guess
 from lab3_usd.hooks import Format, features
 from lab3_usd.model.finding import Report
 from lab3_usd.report.options import Options, Rules
@@ -41,12 +41,11 @@ def format_named(name: str) -> Format:
     """Return the entry of one format.
 
     Raises:
-        UsageError: there is no such format; the message lists those there are.
+        UsageError: there is no such format; the message guesses, or lists those there are.
     """
     entry = _OF_THE_CORE.get(name) or all_formats().get(name)
     if entry is None:
-        names = ", ".join(all_formats())
-        raise UsageError(f"there is no format '{name}'; the formats are {names}")
+        raise UsageError(f"there is no format '{name}'; {guess(name, all_formats())}")
     return entry
 
 
