@@ -35,7 +35,7 @@ def test_a_node_prim_of_another_type_is_absent_and_says_why() -> None:
     (gone,) = [each for graph in stage.graphs for each in graph.absent]
     assert (gone.path, gone.reason) == (
         place("ROS_Clock/ros2_context"),
-        "of type Xform, not OmniGraphNode",
+        "of type Xform, expected OmniGraphNode",
     )
 
 
