@@ -85,15 +85,19 @@ class _Reader:
         is_placed = self.is_own(prim.GetAttribute(ORDER).GetPropertyStack())
         x, y, z = self._transforms.world(prim)[12:15]
         metres = self._metres
+        chosen = [spec.variantSelections for spec in reversed(own)]  # what layers select, by sets
         return Thing(
             type=str(prim.GetTypeName()) if is_defined else "",
             apis=tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas()) if is_defined else (),
             values=dict(self._values(prim)),
             targets=dict(self._targets(prim)),
-            variants=_variants(own),
+            variants={name: choice for each in chosen for name, choice in each.items() if choice},
             place=(x * metres, y * metres, z * metres) if is_placed else None,
             assets=tuple(dict.fromkeys(name for _, name in _assets(own))),
-            resolved=all(_is_there(*asset) for asset in _assets(own)),
+            resolved=all(
+                Path(Sdf.ComputeAssetPathRelativeToLayer(layer, name)).exists()
+                for layer, name in _assets(own)
+            ),
         )
 
     def _said(self, properties: list[Any]) -> Iterator[Any]:
@@ -122,18 +126,8 @@ class _Reader:
                 yield attribute.GetName(), sources
 
 
-def _variants(specs: list[Any]) -> dict[str, str]:
-    """Return the variants that layers select, by their sets."""
-    chosen = [spec.variantSelections for spec in reversed(specs)]
-    return {name: choice for each in chosen for name, choice in each.items() if choice}
-
-
 def _assets(specs: list[Any]) -> Iterator[tuple[Sdf.Layer, str]]:
     for spec in specs:
         for key in ("references", "payload"):
             listed = spec.GetInfo(key).GetAppliedItems()
             yield from ((spec.layer, item.assetPath) for item in listed if item.assetPath)
-
-
-def _is_there(layer: Sdf.Layer, asset: str) -> bool:
-    return Path(Sdf.ComputeAssetPathRelativeToLayer(layer, asset)).exists()
