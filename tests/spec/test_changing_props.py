@@ -249,6 +249,13 @@ def test_each_mistake_is_told_once(course: Path, mistake: str) -> None:
     assert told(course, number, change) == [expected]
 
 
+def test_a_material_is_connected_again(course: Path) -> None:
+    assert told(course, 2, MISTAKES["not connected"][1])
+    stage = course / "built" / "changed_2.usda"
+    invoke("--lab", course / "lab", "fix", "--in-place", "--no-orig", stage, "--checkpoint", "2")
+    assert check_stage(stage, "2", load_lab(course / "lab")).findings == ()
+
+
 def test_what_a_milestone_changes_is_no_change_of_the_starter(course: Path) -> None:
     starter, stage = course / "built" / "hall_1.usda", course / "built" / "hall_3.usda"
     result = invoke("--lab", course / "lab", "check", "--starter", starter, stage, "--quiet")

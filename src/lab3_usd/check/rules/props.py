@@ -10,7 +10,7 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.changes import ApplySchema, Edit, RemovePrim, Restore
+from lab3_usd.model.changes import ApplySchema, Connect, Edit, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity, display, format_paths
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import StageModel, same_value
@@ -161,7 +161,7 @@ def _wrong_parts(name: str, spec: PropSpec, prim: Prim, subject: StageSubject) -
             prim.path,
             fault.message
             or f"{fault.part} of {prim.name} is {fault.actual}{lost}, expected {fault.wanted}",
-            None if fault.part == _PLACE else fault.part,
+            None if fault.part.startswith((_PLACE, _variants(""))) else fault.part,
             fault.wanted,
             fault.actual,
             spec.handout,
@@ -224,7 +224,10 @@ def _faults(spec: PropSpec, prim: Prim, stage: StageModel) -> Iterator[_Fault]:
         if set(actual) != set(paths):
             wanted, shown = format_paths(paths), format_paths(actual) if actual else "nothing"
             message = f"{name} of {prim.name} is connected to {shown}, expected {wanted}"
-            yield _Fault(name, wanted, shown, (Restore(prim.path, name),), message)
+            is_output = name.startswith("outputs:")  # of a material, which are all tokens
+            fix = (Connect(prim.path, name, "token", paths),) if is_output else ()
+            hint = f"connect {name} of {prim.path} to {wanted}"
+            yield _Fault(name, wanted, shown, fix, message, hint)
     for name, value in spec.plain_values.items():
         if name == _VISIBILITY:
             yield from _wrong_visibility(value, prim, stage)
