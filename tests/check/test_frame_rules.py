@@ -504,6 +504,24 @@ def test_a_link_of_a_missing_robot_that_is_parent_and_target_is_its_own_parent()
     assert sites(bare(targets(*FRAME_ROLES.values(), m.BASE))) == [("T09", COMPUTE, TARGETS)]
 
 
+@pytest.mark.parametrize(
+    ("listed", "expected"),
+    [
+        ([f"{m.ROBOT}/base_scan/Lidar2D"], ["T01"]),
+        ([f"{m.ROBOT}/base_scan", f"{m.ROBOT}/base_scan/Lidar2D"], ["T04"]),
+    ],
+)
+def test_a_target_that_another_node_publishes_in_place_of_its_own_is_one_finding(
+    listed: list[str], expected: list[str]
+) -> None:
+    stage = beside(("base_footprint", "Lidar2D"))
+    others = [prim for frame, prim in FRAME_ROLES.items() if frame != "base_scan"]
+    compute = m.aimed(m.role(stage, m.COMPUTE), TARGETS, *others, *listed)
+    stage = m.with_node(stage, compute)
+    found = sites(replace(stage, graphs=(stage.graphs[-1], *stage.graphs[:-1])))
+    assert [rule for rule, _, _ in found] == expected
+
+
 def further(parent: str, *prims: str, **attributes: str) -> StageModel:
     """The complete stage and a further graph with a node that computes and sends frames."""
     home = m.graph_of(m.lab().graphs[m.ODOM_TF], "/Graph/tf")

@@ -8,7 +8,7 @@ from pathlib import Path
 import pytest
 from golden import assert_golden, problems_text
 from msgspec.structs import replace
-from pxr import Gf, Usd, UsdGeom, UsdPhysics
+from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_stages import MATERIALS, slick
 from submissions import LAB, ROBOT, SPEC, edit_stage
 
@@ -394,12 +394,39 @@ def another_shape_switched_off(stage: Usd.Stage) -> None:
     UsdPhysics.CollisionAPI.Apply(shape).CreateCollisionEnabledAttr(False)  # noqa: FBT003
 
 
+def unlit(stage: Usd.Stage) -> None:
+    for light in ("Sun", "Sky"):
+        prim = stage.GetPrimAtPath(f"/Environment/Lights/{light}")
+        for share in ("inputs:diffuse", "inputs:specular"):
+            prim.CreateAttribute(share, Sdf.ValueTypeNames.Float).Set(0.0)
+
+
+def in_a_scene_without_gravity(stage: Usd.Stage) -> None:
+    UsdPhysics.Scene.Define(stage, "/other").CreateGravityMagnitudeAttr(0.0)
+    for link in stage.GetPrimAtPath(ROBOT).GetChildren():
+        if link.HasAPI(UsdPhysics.RigidBodyAPI):
+            UsdPhysics.RigidBodyAPI(link).CreateSimulationOwnerRel().SetTargets(["/other"])
+
+
+def on_a_floor_that_looks_down(stage: Usd.Stage) -> None:
+    home = "/Environment/GroundPlane"
+    stage.GetPrimAtPath(f"{home}/CollisionPlane").SetActive(False)  # noqa: FBT003
+    floor = UsdGeom.Mesh.Define(stage, f"{home}/Floor")
+    floor.CreatePointsAttr([(-9, -9, 0), (9, -9, 0), (9, 9, 0), (-9, 9, 0)])
+    floor.CreateFaceVertexCountsAttr([4])
+    floor.CreateFaceVertexIndicesAttr([3, 2, 1, 0])
+    UsdPhysics.CollisionAPI.Apply(floor.GetPrim())
+
+
 ARTICULATION = "PhysicsArticulationRootAPI"
 
 
 @pytest.mark.parametrize(
     ("edit", "rule"),
     [
+        (unlit, "S14"),
+        (in_a_scene_without_gravity, "S15"),
+        (on_a_floor_that_looks_down, "S13"),
         (switched_off, "S12"),
         (tied_to_itself, "S12"),
         (raised(-0.1), "S19"),

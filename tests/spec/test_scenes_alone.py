@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 from in_process import invoke
-from pxr import Usd, UsdGeom, UsdPhysics
+from pxr import Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
@@ -63,6 +63,44 @@ def test_a_scene_without_a_robot_is_judged(hall: Path, path: str, rule: str) -> 
     lab = load_lab(hall.parent / "lab")
     found = [each.rule for each in check_stage(hall, "hall", lab).findings]
     assert found == [rule]
+
+
+PROPS = """
+props:
+  floor: {path: /Hall/Floor, handout: A, apis: [PhysicsCollisionAPI]}
+  lamp: {path: /Hall/Lamp, handout: A, set: {"inputs:intensity": 900.0}}
+  gravity: {path: /Hall/Physics, handout: A, set: {"physics:gravityMagnitude": 9.81}}
+"""
+
+
+@pytest.mark.parametrize(
+    ("path", "part", "value", "group"),
+    [
+        ("/Hall/Floor", "PhysicsCollisionAPI", None, "ground"),
+        ("/Hall/Lamp", "inputs:intensity", 0.0, "light"),
+        ("/Hall/Physics", "physics:gravityMagnitude", 0.0, "physics_scene"),
+    ],
+)
+def test_what_is_asked_of_a_thing_and_of_the_world_is_told_once_and_costs_both(
+    hall: Path, path: str, part: str, value: float | None, group: str
+) -> None:
+    scene = hall.parent / "lab" / "scene.yaml"
+    scene.write_text(scene.read_text().partition("\nprops:")[0] + PROPS)
+    stage = Usd.Stage.Open(str(hall))
+    UsdPhysics.Scene.Get(stage, "/Hall/Physics").CreateGravityMagnitudeAttr(9.81)
+    prim = stage.GetPrimAtPath(path)
+    if value is None:
+        prim.RemoveAppliedSchema(part)
+    else:
+        prim.CreateAttribute(part, Sdf.ValueTypeNames.Float).Set(value)
+    stage.Save()
+    result = check_stage(hall, "hall", load_lab(hall.parent / "lab"))
+    assert [(each.rule, each.prim, each.property) for each in result.findings] == [
+        ("S36", path, part)
+    ]
+    unmet = {each.id for each in result.requirements if not each.met}
+    names = {"ground": "floor", "light": "lamp", "physics_scene": "gravity"}
+    assert unmet == {f"Scene/{group}", f"Scene/prop/{names[group]}/{part}"}
 
 
 def test_a_hall_is_built_from_its_own_starter(hall: Path) -> None:

@@ -22,6 +22,8 @@ def fold(findings: Iterable[Finding]) -> list[Finding]:
 
     A finding is dropped if a site that it assumes to be right has a finding of at least the same
     severity, even if that one is dropped too. Of findings that assume each other, the first stays.
+    A finding that assumes a property of its own repeats another one there, which then also fails
+    its requirements.
     """
     findings = list(findings)
     at: dict[str, list[int]] = {}
@@ -44,6 +46,13 @@ def fold(findings: Iterable[Finding]) -> list[Finding]:
         gone.update(resting)
         if not resting:
             del reasons[next(number for number in reasons if number not in gone)]
+    for number in gone:
+        told = findings[number]
+        own = [place for place in told.assumes if place[1] is not None and place in _places(told)]
+        for other in reasons[number] - gone if own else ():
+            if any(_stands_at(findings[other], *place) for place in own):
+                unmet = dict.fromkeys((*findings[other].unmet, *told.unmet))
+                findings[other] = replace(findings[other], unmet=tuple(unmet))
     return [finding for number, finding in enumerate(findings) if number not in gone]
 
 

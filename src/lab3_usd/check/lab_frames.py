@@ -135,6 +135,18 @@ class TfView(Struct, frozen=True, eq=False):
         paths = dict.fromkeys(path for edge in edges for path in (edge.cause, edge.publisher))
         return tuple((path, "node:type") for path in paths if path not in self.role_specs)
 
+    def exchanged(self, edges: Iterable[Edge]) -> Iterator[Place]:
+        """Yield the lists of prims with one that is not asked for in place of one that is.
+
+        Which frame is missing there, T01 tells.
+        """
+        for path, target in dict.fromkeys((edge.cause, edge.target) for edge in edges):
+            node, spec = self.live_nodes.get(path), self.role_specs.get(path)
+            for asked in () if spec is None else spec.targets:
+                listed = () if node is None else node.targets(asked.port)
+                if target in listed and len(listed) <= len(asked.prims):
+                    yield path, asked.port
+
 
 @once_per_stage
 def _frames_or_asked(view: TfView, domain: str) -> frozenset[str]:

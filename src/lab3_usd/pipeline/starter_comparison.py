@@ -106,8 +106,8 @@ def open_against_starter(
         kept = tuple(_with_undoing(kept, beside, frozenset(blamed)))
     except StageError as error:  # of a prim that nothing else asks for
         return unreadable_result(result.path, result.checkpoint, error)
-    roots = [id(finding) for finding in fold((*kept, *judged.findings))]
-    kept = tuple(finding for finding in kept if id(finding) in roots)
+    changes = [*map(id, judged.findings)]
+    kept = tuple(each for each in fold((*kept, *judged.findings)) if id(each) not in changes)
     excused_ids = unmet_by(result.findings) - unmet_by(kept)
     requirements = tuple(
         replace(requirement, met=True) if requirement.id in excused_ids else requirement

@@ -65,18 +65,20 @@ def gravity_faults(subject: RobotSubject) -> Iterator[Problem]:
     scenes = [prim for prim in stage.of_type(SCENE) if prim.present]
     owners = {owner for link in links for owner in link.relationships.get(_OWNER, ("",))}
     for scene in [scene for scene in scenes if scene.path in owners] or scenes[:1]:
+        owned = (link for link in links if scene.path in link.relationships.get(_OWNER, ()))
+        owns = tuple((link.path, _OWNER) for link in owned)
         if not is_felt(scene.attributes, stage.meters_per_unit or 1.0):
             strength = f"{number(scene.attributes.get(GRAVITY)):g}"
             metres = subject.lab.scene.stage.meters_per_unit
             right, unit = f"{_EARTH / metres:g}", "m" if metres == 1.0 else f"of {metres:g} m"
             message = f"gravity is {strength}, expected about {right} {unit}/s²"
-            unit_said = (("/", "metersPerUnit"),)
-            yield Problem(scene.path, message, GRAVITY, right, strength, assumes=unit_said)
+            said = (("/", "metersPerUnit"),)
+            yield Problem(scene.path, message, GRAVITY, right, strength, assumes=said, covers=owns)
         elif slant(scene.attributes, subject.lab.scene.stage.up_axis) > TILT:
             actual = vector_text(vector(scene.attributes.get(GRAVITY_DIRECTION)))
             right = vector_text(down(subject.lab.scene.stage.up_axis))
             message = f"gravity pulls along {actual}, expected {right}"
-            yield Problem(scene.path, message, GRAVITY_DIRECTION, right, actual)
+            yield Problem(scene.path, message, GRAVITY_DIRECTION, right, actual, covers=owns)
 
 
 # A shape as high as a wall is ground and wall in one; how high its ground is, no box says.
@@ -235,7 +237,13 @@ def one_sided(subject: RobotSubject, usual: str) -> Iterator[Problem]:
             hint=f"restore {name} from the supplied file",
             fix=(Restore(path),),
             assumes=((path, _OWNER),),
+            covers=tuple((each.path, None) for each in _off(subject.stage)),
         )
+
+
+def _off(stage: StageModel) -> Iterator[Prim]:
+    """Yield the planes that are deactivated: what should carry the robot may be one of them."""
+    return (prim for prim in stage.of_type(PLANE) if not prim.present)
 
 
 def _live_boxes(subject: RobotSubject) -> Iterator[Collider]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
 from lab3_usd.model.physics import number, numbers
@@ -115,3 +115,9 @@ def darkened(light: Prim, stage: StageModel) -> tuple[Prim, str] | None:
         return light, _SHARES[0]
     hiding = hidden_by(light, stage, INVISIBLE)
     return None if hiding is None else (hiding, next(iter(INVISIBLE)))
+
+
+def shares_of(dark: Iterable[tuple[Prim, str]]) -> Iterator[tuple[str, str]]:
+    """Yield the shares of lights that are dark because all of their shares are 0."""
+    for light, name in dark:
+        yield from ((light.path, share) for share in _SHARES if name in _SHARES)

@@ -146,13 +146,15 @@ def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
             twice = dict.fromkeys((edge.parent, edge.child) for edge, _ in pairs)
             sites = ", ".join(f"{parent} -> {child}" for parent, child in twice)
             rivals = [edge for pair in twice for edge in heard.tree.several_publishers[pair]]
+            own = [edge for edge, _ in pairs]
+            lists = subject.exchanged(own) if isinstance(subject, TfView) else ()
             yield Problem(
                 publisher,
                 f"publishes {sites}, which another node publishes as well",
                 actual=sites,
                 related=_others(rivals, pairs[0][0]),
                 severity=_severity(pairs, subject),
-                assumes=(*_assumed((edge for edge, _ in pairs), subject), once_there(publisher)),
+                assumes=(*_assumed(own, subject), once_there(publisher), *lists),
             )
         for same in _of_several_prims(heard.tree):
             prims = " and ".join(dict.fromkeys(str(edge.prim) for edge in same))

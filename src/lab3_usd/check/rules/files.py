@@ -61,7 +61,10 @@ def not_verifiable(subject: ModelSubject) -> Iterator[Problem]:
             f"not verifiable: {what} cannot be found, so its content at {first} neither passes "
             "nor fails"
         )
-        yield Problem(first, message, actual=asset, related=tuple(more), unopened="asset")
+        needed = ((first, "asset"),)  # what a lab asks for must be there
+        yield Problem(
+            first, message, actual=asset, related=tuple(more), unopened="asset", assumes=needed
+        )
 
 
 @rule(

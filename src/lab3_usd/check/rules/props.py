@@ -136,6 +136,7 @@ def _not_found(
             hint=f"hand in {asset} beside the stage, or name it as the handout does",
             related=tuple(prims[1:]),
             unmet=(_demand(name),),
+            covers=tuple((path, _ASSET) for path in prims),
         )
 
 
@@ -149,6 +150,7 @@ def _wrong_parts(name: str, spec: PropSpec, prim: Prim, subject: StageSubject) -
             handout=spec.handout,
             hint=f"let {prim.path} refer to {spec.asset}",
             unmet=(_demand(name, _ASSET),),
+            covers=((prim.path, _ASSET),),
         )
     faults = [*_faults(spec, prim, subject.stage)]
     brought = {fault.part: [*_brought_by(fault, faults)] for fault in faults}

@@ -33,7 +33,7 @@ from lab3_usd.check.robot.poses import (
     pose_property,
     root_tolerance,
 )
-from lab3_usd.check.robot.surroundings import darkened
+from lab3_usd.check.robot.surroundings import darkened, shares_of
 from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import (
@@ -97,15 +97,14 @@ def ground(subject: RobotSubject) -> Iterator[Problem]:
     part = _asked(subject, subject.lab.scene.world.ground)
     if part is None:
         return
+    asset = _missing_environment(subject)
     if has_ground(subject):
-        asset = _missing_environment(subject)
         for wrong in one_sided(subject, part.usual):
             yield replace(wrong, handout=part.handout, unmet=(_GROUND,), rests_on=asset)
         return
-    asset = _missing_environment(subject)
     falling = falling_ground(subject)
     steep = next(steep_planes(subject), None)
-    off = _silent_ground(subject)
+    silent = _silent_ground(subject)
     if falling is not None:
         plane, body = falling
         falls = f"falls with {body.name}, which is" if body != plane else "falls as"
@@ -139,25 +138,29 @@ def ground(subject: RobotSubject) -> Iterator[Problem]:
             unmet=(_GROUND,),
             rests_on=asset,
         )
-    elif off is not None:
-        has_api = COLLISION_API in off.apis
+    elif silent is not None:
+        has_api = COLLISION_API in silent.apis
         what = "is disabled" if has_api else "was removed"
-        message = f"the ground does not carry the robot: the collision of {off.name} {what}"
-        restored = Restore(off.path, COLLISION_ENABLED)
+        message = f"the ground does not carry the robot: the collision of {silent.name} {what}"
+        restored = Restore(silent.path, COLLISION_ENABLED)
         yield Problem(
-            off.path,
+            silent.path,
             message,
             COLLISION_ENABLED,
             expected="True" if has_api else COLLISION_API,
             handout=part.handout,
             related=(part.usual,),
-            fix=(restored if has_api else ApplySchema(off.path, COLLISION_API),),
+            fix=(restored if has_api else ApplySchema(silent.path, COLLISION_API),),
             unmet=(_GROUND,),
+            assumes=((silent.path, COLLISION_ENABLED), (silent.path, COLLISION_API)),
+            covers=((silent.path, COLLISION_API),),
             rests_on=asset,
         )
     else:
         planes = subject.stage.of_type(PLANE)
-        yield _missing(subject, part, "a ground with collision", planes, _GROUND)
+        lost = _missing(subject, part, "a ground with collision", planes, _GROUND)
+        schema = ((lost.prim, COLLISION_API),)
+        yield replace(lost, assumes=schema, covers=schema)
 
 
 def _silent_ground(subject: RobotSubject) -> Prim | None:
@@ -201,6 +204,8 @@ def light(subject: RobotSubject) -> Iterator[Problem]:
             related=tuple(map(".".join, more)),
             fix=(Restore(site.path, name), *(Restore(*other) for other in more)),
             unmet=(_LIGHT,),
+            assumes=((site.path, name),),
+            covers=tuple(shares_of(dark)),
             rests_on=_missing_environment(subject),
         )
     elif not _is_lost_with_ground(subject, part):
@@ -232,6 +237,7 @@ def physics_scene(subject: RobotSubject) -> Iterator[Problem]:
             related=(*usual, *wrong.related),
             fix=tuple(Restore(*site.split(".")) for site in sites),
             unmet=(_SCENE,),
+            assumes=(*wrong.assumes, (wrong.prim, wrong.property)),
         )
     if not any(prim.present for prim in scenes):
         yield _missing(subject, part, "a physics scene", scenes, _SCENE)
