@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from pathlib import Path
+from typing import Literal
 
 import pytest
 from breaking import copied, correct_stage
@@ -11,6 +12,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from scene_stages import aim, clear, put, retype, switch, without_api
 
 from lab3_usd.errors import StageError
+from lab3_usd.isaac.values import same_numbers
 from lab3_usd.model.changes import Change, Difference
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.compare.stages import compare_starter
@@ -508,4 +510,21 @@ def assets(*names: str) -> Sdf.AssetPathArray:
     ],
 )
 def test_values_are_the_same_up_to_noise(was: object, now: object, *, same: bool) -> None:
-    assert same_usd_value(was, now, 1e-6) == same
+    assert same_usd_value(was, now, LAB.scene.tolerance.margin("number")) == same
+
+
+@pytest.mark.parametrize(
+    ("kind", "was", "now", "same"),
+    [
+        ("number", 0.0, 5e-7, False),
+        ("joint", 0.0, 5e-7, True),
+        ("joint", 0.0, 5e-6, False),
+        ("unit", 1.0, 1.001, False),
+        ("mass", 1.0, 1.001, True),
+        ("mass", 1.0, 1.002, False),
+    ],
+)
+def test_each_kind_of_quantity_has_a_margin(
+    kind: Literal["number", "joint", "unit", "mass"], was: float, now: float, *, same: bool
+) -> None:
+    assert same_numbers([was], [now], LAB.scene.tolerance.margin(kind)) == same

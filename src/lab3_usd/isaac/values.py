@@ -3,12 +3,34 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
-from typing import Any, Union
+from collections.abc import Callable, Sequence
+from typing import Any, NamedTuple, Union
 
 from lab3_usd.errors import SpecError
 
 Value = Union[bool, int, float, str, tuple["Value", ...]]  # noqa: UP007 - evaluated at run time
+
+
+class Margin(NamedTuple):
+    """What numbers of one kind may differ by: a part of the larger one, or so much near zero."""
+
+    relative: float
+    near_zero: float = 0.0
+
+
+def same_numbers(was: Sequence[float], now: Sequence[float], margin: Margin) -> bool:
+    """Whether numbers are the same up to a margin; those of a vector are measured by the longest.
+
+    Infinities, and what is no number (NaN), are the same as themselves alone.
+    """
+    pairs = [*zip(was, now, strict=False)]
+    if len(was) != len(now) or not all(map(math.isfinite, (*was, *now))):
+        alike = (a == b or (math.isnan(a) and math.isnan(b)) for a, b in pairs)
+        return len(was) == len(now) and all(alike)
+    longest = max(map(abs, (*was, *now))) if len(pairs) > 1 else 0.0
+    near = max(margin.near_zero, margin.relative * longest)
+    return all(math.isclose(a, b, rel_tol=margin.relative, abs_tol=near) for a, b in pairs)
+
 
 _RANGES = {
     "uchar": (0, 2**8 - 1),

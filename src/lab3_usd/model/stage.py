@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping
 from functools import wraps
 from typing import TYPE_CHECKING, Any, Literal, ParamSpec, TypeVar
@@ -12,7 +11,7 @@ from msgspec.structs import force_setattr
 
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.values import Value, are_alike
+from lab3_usd.isaac.values import Margin, Value, are_alike, same_numbers
 from lab3_usd.model.build import Build
 from lab3_usd.model.details import Details
 from lab3_usd.model.prims import (
@@ -46,9 +45,7 @@ def same_value(was: Value | None, now: Value | None, *, near_zero: float = 1e-12
         return was is now
     if isinstance(was, (int, float)) and isinstance(now, (int, float)):
         is_whole = isinstance(was, int) and isinstance(now, int)
-        if math.isnan(was) and math.isnan(now):
-            return True
-        return not is_whole and math.isclose(was, now, rel_tol=NOISE, abs_tol=near_zero)
+        return not is_whole and same_numbers([was], [now], Margin(NOISE, near_zero))
     return was == now
 
 

@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any, ClassVar, Literal
 
 from msgspec import Meta, Struct
 
+from lab3_usd.isaac.values import Margin
 from lab3_usd.spec.ros import MapFacts
 
 if TYPE_CHECKING:
@@ -38,8 +39,16 @@ class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
     default_prim: str = ""
 
 
+_NEAR_ZERO = 1e-3  # of the tolerance: below it a lone number is as good as zero
+
+
 class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
-    """Metres, degrees and factors; `mass` and `number` are relative."""
+    """Metres, degrees and factors; `mass` and `number` are relative.
+
+    They hold for the description and for the starter. Vectors and colors are measured by their
+    longest part. Near zero, limits and drives of joints may differ by `number`, other numbers by a
+    thousandth of it.
+    """
 
     mass: Positive
     root_position: Positive
@@ -51,6 +60,15 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
     link_position: Positive
     axle_angle: Positive
     rest: Positive
+
+    def margin(self, kind: Literal["mass", "unit", "joint", "number"]) -> Margin:
+        """Return what numbers of a kind may differ by."""
+        return {
+            "mass": Margin(self.mass),
+            "unit": Margin(self.number),
+            "joint": Margin(self.number, self.number),
+            "number": Margin(self.number, _NEAR_ZERO * self.number),
+        }[kind]
 
 
 class PoseSpec(Struct, frozen=True, forbid_unknown_fields=True):

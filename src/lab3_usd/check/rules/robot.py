@@ -14,6 +14,7 @@ from lab3_usd.check.robot.wheels import unknown_joints
 from lab3_usd.check.rules.any_physics import link_bodies
 from lab3_usd.check.rules.world import SHAPE, at_rest
 from lab3_usd.facts.wheels import disc_of
+from lab3_usd.isaac.values import same_numbers
 from lab3_usd.model.changes import (
     Activate,
     ApplySchema,
@@ -79,7 +80,7 @@ def link_mass(subject: RobotSubject) -> Iterator[Problem]:
 
     Example: `physics:mass` 1.0 on `{robot}/{link}`.
     """
-    tolerance = subject.lab.scene.tolerance.mass
+    margin = subject.lab.scene.tolerance.margin("mass")
     for prim, spec in _links(subject):
         expected = spec.mass
         if expected is None:
@@ -87,7 +88,7 @@ def link_mass(subject: RobotSubject) -> Iterator[Problem]:
         actual = number(prim.attributes.get(MASS))
         asset = subject.stage.unknown(prim.path)
         has_api = MASS_API in prim.apis or asset is not None
-        if actual is not None and has_api and abs(actual - expected) <= tolerance * expected:
+        if actual is not None and has_api and same_numbers([actual], [expected], margin):
             continue
         actual_text = "not set" if actual is None else f"{actual:g} kg"
         expected_text = f"{expected:g} kg"

@@ -11,6 +11,7 @@ from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.robot.wheels import find_joint, has_no_joints, link_of, unknown_joints
 from lab3_usd.facts.quantities import wheel_commands
+from lab3_usd.isaac.values import same_numbers
 from lab3_usd.model.changes import ApplySchema, ClearValue, Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import (
@@ -218,5 +219,5 @@ def _drive(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Ite
 
 
 def _same(actual: float | None, wanted: float, subject: RobotSubject) -> bool:
-    tolerance = subject.lab.scene.tolerance.number
-    return actual is not None and math.isclose(actual, wanted, rel_tol=tolerance, abs_tol=tolerance)
+    margin = subject.lab.scene.tolerance.margin("joint")
+    return actual is not None and same_numbers([actual], [wanted], margin)

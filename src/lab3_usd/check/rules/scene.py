@@ -17,6 +17,7 @@ from lab3_usd.check.rules.graphs import with_missing_graphs
 from lab3_usd.check.rules.sensors import EMPTY, part_of_pose, pose_demands
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.values import same_numbers
 from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import bodies, bodies_below
@@ -143,7 +144,7 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
         "metersPerUnit": (stage.meters_per_unit, wanted.meters_per_unit),
         "kilogramsPerUnit": (stage.kilograms_per_unit, wanted.kilograms_per_unit),
     }
-    tolerance = subject.lab.scene.tolerance.number
+    margin = subject.lab.scene.tolerance.margin("unit")
     is_turned = stage.up_axis != wanted.up_axis
     wrong: list[tuple[str, str, str]] = []
     wrong += [("upAxis", stage.up_axis, wanted.up_axis)] if is_turned else []
@@ -153,7 +154,7 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
     wrong += [
         (name, f"{unit:g}", f"{right:g}")
         for name, (unit, right) in units.items()
-        if not abs(unit - right) <= tolerance * right
+        if not same_numbers([unit], [right], margin)
     ]
     for name, actual, expected in wrong:
         yield Problem(

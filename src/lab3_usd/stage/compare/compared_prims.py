@@ -147,8 +147,7 @@ def _changed_property(
         now = twin.GetPrimDefinition().GetAttributeFallbackValue(name)
     if was is None or was == now:
         return
-    tolerance = terms.mass if name in terms.rules.masses else terms.number
-    if same_usd_value(was, now, tolerance) or _is_excused(prim, twin, name, kind, terms):
+    if same_usd_value(was, now, terms.margin(name)) or _is_excused(prim, twin, name, kind, terms):
         return
     physics = kind == "physics" or (kind == "shape" and is_collision_shape(prim, terms.rules))
     shown = display_value(now) if now is not None else "not set"
@@ -236,7 +235,7 @@ def _added_property(
     if value is None or _has_default(difference):
         return  # what usd-core knows a default of is compared as a value
     default = dict(terms.rules.neutral).get(name)
-    if default is None or not same_usd_value(default, value, terms.number):
+    if default is None or not same_usd_value(default, value, terms.margin(name)):
         message = f"{name} {display_value(value)} was added"
         yield Difference("added", name, "", message, physics=False)
 

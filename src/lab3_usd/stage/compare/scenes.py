@@ -8,6 +8,7 @@ from typing import Any
 from msgspec import Struct
 from pxr import Sdf, Usd
 
+from lab3_usd.isaac.values import Margin
 from lab3_usd.model.changes import ChangeKind, Part, StageChange
 from lab3_usd.model.transforms import PlaceTolerance
 from lab3_usd.spec.lab import Lab
@@ -39,7 +40,7 @@ from lab3_usd.stage.compare.value_terms import (
 from lab3_usd.stage.read.opening import quiet
 
 # What single precision leaves of a value, and of a place.
-_NUMBER, _PLACE = 1e-6, PlaceTolerance(position=1e-5, angle=0.01, scale=1e-5)
+_NUMBER, _PLACE = Margin(1e-6, 1e-9), PlaceTolerance(position=1e-5, angle=0.01, scale=1e-5)
 # What sensors are set by, which a starter has none of.
 _SENSORS = ("isaac:*", "omni:*")
 

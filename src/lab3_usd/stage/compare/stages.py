@@ -110,8 +110,7 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
         rules=rules,
         classes=classifier(rules),
         place=PlaceTolerance(length, tolerance.sensor_angle, tolerance.scale),
-        number=tolerance.number,
-        mass=tolerance.mass,
+        tolerances=tolerance,
         roots=tuple(robot.path for robot in robots),
         articulated=tuple(
             tuple(filter(None, (robot.path, robot.articulation.target))) for robot in robots

@@ -17,9 +17,10 @@ from typing import Any, Literal
 from msgspec import Struct
 from pxr import Gf, Sdf, Usd, UsdGeom
 
-from lab3_usd.isaac.values import Value
+from lab3_usd.isaac.values import Margin, Value, same_numbers
 from lab3_usd.model.changes import Difference
 from lab3_usd.model.finding import display
+from lab3_usd.model.physics import LIMITS
 from lab3_usd.model.prims import Matrix, is_at_or_below
 from lab3_usd.model.transforms import (
     Part,
@@ -31,6 +32,7 @@ from lab3_usd.model.transforms import (
     scale_of,
     vector_text,
 )
+from lab3_usd.spec.scene import Tolerances
 from lab3_usd.spec.submission import StarterRules
 from lab3_usd.stage.read.prim_transforms import ORDER, RESET, TransformCache, local_transform
 from lab3_usd.stage.read.properties import plain_value
@@ -42,22 +44,28 @@ POSE = "xformOp"
 class Terms(Struct, frozen=True):
     """How prims are compared.
 
-    `classes` tells what a property is about. Lengths of `place` are in units of the stage, `number`
-    and `mass` are relative. `roots` are the robots, whose own places are not
-    compared; of each, `articulated` are the prims that may carry the articulation root.
+    `classes` tells what a property is about. Lengths of `place` are in units of the stage. `roots`
+    are the robots, whose own places are not compared; of each, `articulated` are the prims that may
+    carry the articulation root.
     """
 
     rules: StarterRules
     classes: Callable[[str], Class]
     place: PlaceTolerance
-    number: float
-    mass: float
+    tolerances: Tolerances
     roots: tuple[str, ...]
     articulated: tuple[tuple[str, ...], ...]
     bodies_rest: bool
     """Whether the bodies still stand where the starter has them."""
     unknown: tuple[str, ...] = ()
     """Prims of the starter that lack an asset: what a stage has there may be the asset's."""
+
+    def margin(self, name: str) -> Margin:
+        """Return what the numbers of a property may differ by."""
+        if name in self.rules.masses:
+            return self.tolerances.margin("mass")
+        is_of_joint = name in LIMITS or name.startswith("drive:")
+        return self.tolerances.margin("joint" if is_of_joint else "number")
 
 
 def is_on_robot(path: str, terms: Terms) -> bool:
@@ -140,14 +148,12 @@ def body_of(prim: Usd.Prim, rules: StarterRules) -> str:
 _LONGEST = 60  # characters of a value in a message
 _QUATERNIONS = (Gf.Quatd, Gf.Quatf, Gf.Quath)
 _LARGEST = 3.4028234e38  # that a float holds: as a limit it is none, as infinity is
-_NEAR_ZERO = 1e-3  # of the tolerance: below it a lone number is as good as zero
 
 
-def same_usd_value(was: Any, now: Any, tolerance: float) -> bool:
-    """Whether two values are the same up to a relative tolerance.
+def same_usd_value(was: Any, now: Any, margin: Margin) -> bool:
+    """Whether two values are the same up to a margin of their numbers.
 
-    Vectors are measured by their longest part; a rotation and its negative are the same; assets
-    are compared by what they resolve to.
+    A rotation and its negative are the same; assets are compared by what they resolve to.
     """
     if was == now:
         return True
@@ -158,22 +164,12 @@ def same_usd_value(was: Any, now: Any, tolerance: float) -> bool:
         return is_array and all(map(same_asset, was, now))
     if isinstance(was, Sdf.AssetPath):
         return isinstance(now, Sdf.AssetPath) and same_asset(was, now)
-    return _same_numbers(was, now, tolerance)
-
-
-def _same_numbers(was: Any, now: Any, tolerance: float) -> bool:
     before, after = _numbers(was), _numbers(now)
-    if before is None or after is None or len(before) != len(after):
+    if before is None or after is None:
         return False
-    if not all(map(math.isfinite, (*before, *after))):
-        pairs = zip(before, after, strict=True)
-        return all(a == b or (math.isnan(a) and math.isnan(b)) for a, b in pairs)
     if isinstance(was, _QUATERNIONS) and math.fsum(map(operator.mul, before, after)) < 0:
         after = [-part for part in after]
-    pairs = zip(before, after, strict=True)
-    longest = max(map(abs, (*before, *after)), default=0.0)
-    near = tolerance * (longest if len(before) > 1 else _NEAR_ZERO)
-    return all(math.isclose(a, b, rel_tol=tolerance, abs_tol=near) for a, b in pairs)
+    return same_numbers(before, after, margin)
 
 
 def _numbers(value: Any) -> list[float] | None:
@@ -277,7 +273,7 @@ def authored_place_differences(
     for name in names:
         was, now = prim.GetAttribute(name), twin.GetAttribute(name)
         may_differ = name == ORDER or (moves and not name.startswith(_SCALE))
-        if may_differ or not was or same_usd_value(was.Get(), now.Get(), terms.place.scale):
+        if may_differ or not was or same_usd_value(was.Get(), now.Get(), Margin(terms.place.scale)):
             continue
         physics = affects_physics(prim, terms.rules) and not is_light_or_camera(prim)
         yield Difference("place", name, display_value(was.Get()), display_value(now.Get()), physics)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 
@@ -11,6 +10,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 from lab3_usd.data import lab_folder
 from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import write_whole
+from lab3_usd.isaac.values import same_numbers
 from lab3_usd.model.prims import upwards
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spec
@@ -71,8 +71,8 @@ def _units(lab: Lab, stage: Usd.Stage) -> Iterator[str]:
         actual = holder.GetMetadata(name)
         if actual is None:
             continue
-        limit = lab.scene.tolerance.number
-        is_near = isinstance(expected, float) and math.isclose(actual, expected, rel_tol=limit)
+        margin = lab.scene.tolerance.margin("unit")
+        is_near = isinstance(expected, float) and same_numbers([actual], [expected], margin)
         if actual != expected and not is_near:
             yield f"/ has {name} {_short(actual)}, expected {_short(expected)}; convert the starter"
 
