@@ -9,7 +9,7 @@ import pytest
 from dry_runs import by_name, played
 from foreign_robots import arm, connect, rover, write_node
 from lone_nodes import node
-from pxr import Sdf
+from pxr import Sdf, UsdPhysics
 
 from lab3_usd.isaac.messages import why_no_message
 from lab3_usd.sim.execution.recording import Fields, Inertia
@@ -33,6 +33,17 @@ def test_a_sensor_at_rest_feels_the_ground(stage: World) -> None:
     read.values["readGravity"] = False
     assert read.compute(stage)
     assert read.outputs["linAcc"] == (0.0, 0.0, 0.0)
+
+
+def test_the_direction_of_gravity_has_no_length() -> None:
+    robot = arm()
+    scene = UsdPhysics.Scene.Get(robot, "/World/physicsScene")
+    scene.CreateGravityDirectionAttr((0.0, 0.0, -2.0))
+    scene.CreateGravityMagnitudeAttr(4.0)
+    world = world_of(read_scene(robot, load_platform()), load_platform())
+    read = node(f"{SENSORS}IsaacReadIMU", imuPrim=TOOL)
+    read.compute(world)
+    assert read.outputs["linAcc"] == pytest.approx((0.0, 0.0, 4.0))
 
 
 def test_a_sensor_turns_with_its_link(stage: World) -> None:

@@ -57,6 +57,15 @@ props:
     variants: {finish: red}
     from: "2"
     until: {"2": {place: {x: 2, z: -1, within: 0.05}}}
+  post:
+    path: /Hall/Room/Post
+    type: Cube
+    handout: B4
+    set:
+      "xformOp:translate": [0, 100, 0]
+      "xformOp:rotateXYZ": [0, 90, 0]
+      "xformOp:scale": [1, 2, 1]
+    from: "2"
   steel:
     path: /Hall/Looks/Steel
     type: Material
@@ -78,7 +87,7 @@ props:
     from: "2"
 """
 Change = Callable[[Usd.Stage], object]
-LAMP, CRATE = "/Hall/Room/Lamp", "/Hall/Goods/Crate"
+LAMP, CRATE, POST = "/Hall/Room/Lamp", "/Hall/Goods/Crate", "/Hall/Room/Post"
 STEEL, SURFACE = "/Hall/Looks/Steel", "/Hall/Looks/Steel/Surface"
 LABELS = "semantics:labels:class"
 
@@ -168,6 +177,15 @@ def bound_stronger(stage: Usd.Stage) -> None:
     goods.Bind(wood, UsdShade.Tokens.strongerThanDescendants)
 
 
+def placed_by_a_matrix(stage: Usd.Stage, width: float = 1) -> None:
+    post = UsdGeom.Xformable(stage.GetPrimAtPath(POST))
+    for operation in post.GetOrderedXformOps():
+        stage.GetPrimAtPath(POST).RemoveProperty(operation.GetName())
+    turn = Gf.Matrix4d().SetRotate(Gf.Rotation((0, 1, 0), 90))
+    size = Gf.Matrix4d().SetScale((width, 2, 1))
+    post.MakeMatrixXform().Set(size * turn * Gf.Matrix4d().SetTranslate((0, 100, 0)))
+
+
 MISTAKES: dict[str, tuple[int, Change, tuple[str, str, str]]] = {
     "too bright before": (
         2,
@@ -235,6 +253,22 @@ MISTAKES: dict[str, tuple[int, Change, tuple[str, str, str]]] = {
             "Crate binds a material without MaterialBindingAPI, which usdchecker refuses",
         ),
     ),
+    "a place without an order": (
+        2,
+        lambda s: UsdGeom.Xformable(s.GetPrimAtPath(POST)).SetXformOpOrder(
+            UsdGeom.Xformable(s.GetPrimAtPath(POST)).GetOrderedXformOps()[1:]
+        ),
+        (
+            "error",
+            POST,
+            "xformOp:translate of Post has no effect: xformOpOrder does not name it",
+        ),
+    ),
+    "a wrong size in a matrix": (
+        2,
+        lambda s: placed_by_a_matrix(s, 3),
+        ("error", POST, "xformOp:scale of Post is not set, expected [1, 2, 1]"),
+    ),
     "metres in a stage of centimetres": (
         2,
         lambda s: s.GetAttributeAtPath(f"{CRATE}.size").Set(0.4),
@@ -247,6 +281,10 @@ MISTAKES: dict[str, tuple[int, Change, tuple[str, str, str]]] = {
 def test_each_mistake_is_told_once(course: Path, mistake: str) -> None:
     number, change, expected = MISTAKES[mistake]
     assert told(course, number, change) == [expected]
+
+
+def test_a_place_may_be_written_as_a_matrix(course: Path) -> None:
+    assert told(course, 2, placed_by_a_matrix) == []
 
 
 def test_a_material_is_connected_again(course: Path) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.prims import Matrix
 
 
 class Details:
@@ -30,6 +31,11 @@ class Details:
         else the one that is `asked` for.
         """
         del path, name, asked
+        return None
+
+    def local(self, path: str) -> Matrix | None:
+        """Return the transform of a prim in its parent; None where none is authored."""
+        del path
         return None
 
     def origin(self, path: str) -> tuple[float, float, float] | None:

@@ -12,8 +12,15 @@ from lab3_usd.check.registry import Demand, rule
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ApplySchema, Connect, Edit, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity, display, format_paths
+from lab3_usd.model.physics import GRAVITY_DIRECTION, vector
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import StageModel, same_value
+from lab3_usd.model.transforms import (
+    angle_between,
+    decompose,
+    rotation_difference,
+    rotation_from_euler,
+)
 from lab3_usd.spec.lab import Checkpoint, Lab, Removal
 from lab3_usd.spec.props import PlaceSpec, PropSpec, is_named
 
@@ -309,18 +316,46 @@ def _wrong_value(
     is_set = name.startswith(_LABELS)
     pair = (_in_order(value), _in_order(wanted)) if is_set else (value, wanted)
     is_file = isinstance(wanted, str) and stage.details.is_file(prim.path, name)
-    is_right = is_file and is_named(str(wanted), str(value))
-    if not is_right and not same_value(*pair, near_zero=1e-6):
-        yield _Fault(
-            name,
-            display(wanted),
-            display(value),
-            (Restore(prim.path, name),),
-            f"{name} of {prim.name} is {display(value)}, expected {display(wanted)}"
-            f"{_in_units(name, stage)}",
-        )
+    is_named_so = is_file and is_named(str(wanted), str(value))
+    is_written = is_named_so or same_value(*pair, near_zero=1e-6)
+    order = prim.attributes.get(_ORDER) or ()
+    is_idle = name.startswith(_OP) and not (isinstance(order, tuple) and name in order)
+    if (is_written and not is_idle) or _comes_to(name, wanted, prim, stage):
+        return
+    hint = None
+    if is_written:
+        message = f"{name} of {prim.name} has no effect: {_ORDER} does not name it"
+        hint = f"add {name} to {_ORDER} of {prim.path}"
+    else:
+        message = f"{name} of {prim.name} is {display(value)}, expected {display(wanted)}"
+        message += _in_units(name, stage)
+    restored = (Restore(prim.path, _ORDER if is_written else name),)
+    yield _Fault(name, display(wanted), display(value), restored, message, hint)
 
 
+def _comes_to(name: str, wanted: Value, prim: Prim, stage: StageModel) -> bool:
+    """Whether a thing is placed, or gravity pulls, as other values than those asked for say it."""
+    numbers = vector(wanted)
+    if name == GRAVITY_DIRECTION:  # which is normalized (UsdPhysics schema)
+        pull = vector(prim.attributes.get(name))
+        return any(pull) and any(numbers) and angle_between(pull, numbers) <= _SAME_ANGLE
+    local = stage.details.local(prim.path) if name.startswith(_OP) else None
+    if local is None:
+        return False
+    pose = decompose(local)
+    match name.removeprefix(_OP):
+        case "translate":
+            return same_value(pose.translation, numbers, near_zero=1e-6)
+        case "scale":
+            return same_value(pose.scale, numbers, near_zero=1e-6)
+        case "rotateXYZ":
+            turned = rotation_from_euler(numbers)
+            return rotation_difference(pose.rotation, turned) <= _SAME_ANGLE
+    return False
+
+
+_OP, _ORDER = "xformOp:", "xformOpOrder"
+_SAME_ANGLE = 0.01  # degrees
 _LENGTHS = re.compile(
     r"xformOp:translate|(inputs:)?(radius|width|height|length)|size|clippingRange|focusDistance"
     r"|physics:(gravityMagnitude|centerOfMass|localPos[01])"

@@ -7,8 +7,8 @@ import math
 from lab3_usd.isaac.messages import why_no_message
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.dry_run import Affine, column
-from lab3_usd.model.physics import SCENE, number
-from lab3_usd.model.transforms import Vector, cross, length
+from lab3_usd.model.physics import GRAVITY_DIRECTION, SCENE, down, number, vector
+from lab3_usd.model.transforms import Vector, cross, length, scaled
 from lab3_usd.sim.execution.node_instance import NO_VECTOR, NodeInstance, computes
 from lab3_usd.sim.execution.recording import Fields, Inertia, Message
 from lab3_usd.sim.execution.world import World, opened_endpoint, send
@@ -70,10 +70,9 @@ def _gravity(world: World) -> Vector:
     values = next((p.values for p in world.scene.prims.values() if p.type == SCENE), {})
     size = abs(number(values.get("physics:gravityMagnitude")) or 0.0)
     size = size if 0 < size < math.inf else _EARTH
-    down = values.get("physics:gravityDirection") or NO_VECTOR
-    x, y, z = down if any(down) else (0.0, 0.0, -1.0)
-    size /= world.scene.meters_per_unit
-    return (-x * size, -y * size, -z * size)
+    pull = vector(values.get(GRAVITY_DIRECTION))
+    direction = pull if any(pull) else down("Z")  # of any length (UsdPhysics schema)
+    return scaled(direction, -size / world.scene.meters_per_unit / length(direction))
 
 
 _MEASURED = ("orientation", "angularVelocity", "linearAcceleration")

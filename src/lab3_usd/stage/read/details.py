@@ -6,6 +6,7 @@ from pxr import Sdf
 
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.details import Details
+from lab3_usd.model.prims import Matrix
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.prims import PrimReader
 from lab3_usd.stage.read.properties import CENTIMETRES, plain_value, prim_at, stage_number
@@ -53,6 +54,11 @@ class StageDetails(Details):
         written = spec.typeName
         is_text = {str(written.scalarType), str(wanted.scalarType)} <= _TEXTS
         return (str(written), str(wanted)) if is_text and written != wanted else None
+
+    def local(self, path: str) -> Matrix | None:
+        """Return the transform of a prim in its parent; None where none is authored."""
+        prim = prim_at(self._stage, path)
+        return self._reader.transforms.of(prim, path)[0] if prim else None
 
     def origin(self, path: str) -> tuple[float, float, float] | None:
         """Return where the origin of a prim is in the world, in metres; None without a prim."""
