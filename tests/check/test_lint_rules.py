@@ -13,7 +13,7 @@ from linting import broken_robot, found_by, linted, said_by, sites_of
 from places import TESTS
 from pxr import Usd, UsdGeom
 
-from lab3_usd.check.registry import all_rules
+from lab3_usd.check.registry import all_rules, holds_without_lab
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.facts.stances import machines
 from lab3_usd.model.finding import ordered
@@ -128,6 +128,21 @@ def test_two_topics_of_one_node_are_no_rivals_of_another() -> None:
     (found,) = linted(broken_robot("rover", steps)).findings
     assert found.message == "inputs:semanticLabelsTopicName and inputs:topicName are both /rgb"
     assert found.related == ()
+
+
+def test_graphs_that_are_switched_off_are_counted_where_the_clock_is_missing() -> None:
+    steps = [{"deactivate": "/World/Clock"}, {"deactivate": "/World/Drive"}]
+    (found,) = [
+        each for each in linted(broken_robot("rover", steps)).findings if each.rule == "K47"
+    ]
+    assert "/World/Clock and /World/Drive are not in the scene" in found.message
+
+
+def test_only_rules_of_lint_hold_without_a_lab() -> None:
+    rules = all_rules()
+    assert holds_without_lab(rules["T03"])  # K50 as well
+    assert not holds_without_lab(rules["T01"])
+    assert not holds_without_lab(rules["K50"])
 
 
 def test_every_rule_has_a_case() -> None:
