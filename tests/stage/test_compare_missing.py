@@ -124,7 +124,7 @@ def test_a_missing_asset_hides_nothing_that_the_stage_says_itself(
 def test_a_changed_scale_is_shown_as_one(starter: Usd.Stage) -> None:
     (change,) = compared(starter, CHANGES["link scaled"][0])
     (difference,) = change.differences
-    assert (difference.was, difference.now) == ("scale 1, 1, 1", "scale 1, 1, 2")
+    assert (difference.was, difference.now) == ("scale (1, 1, 1)", "scale (1, 1, 2)")
 
 
 def test_one_missing_asset_does_not_switch_the_comparison_off(starter: Usd.Stage) -> None:
