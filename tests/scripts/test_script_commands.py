@@ -38,7 +38,10 @@ def test_the_text_says_how_much_was_read(tmp_path: Path) -> None:
 
 def test_what_is_not_known_is_listed_when_asked(tmp_path: Path) -> None:
     text = RIGHT.replace('TOPIC = "clock"', "import config\nTOPIC = config.topic")
-    assert "config.topic" in lab3("lint", script(tmp_path, text), "-v").stdout
+    path = script(tmp_path, text)
+    assert "config.topic" in lab3("lint", path, "-v").stdout
+    nodes = json.loads(lab3("lint", path, "--format", "json").stdout)["results"][0]["nodes"]
+    assert [each["why"] for each in nodes["not_known"]] == ["config.topic"]
 
 
 def test_a_finding_shows_its_own_tuple(tmp_path: Path) -> None:
