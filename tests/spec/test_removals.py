@@ -7,11 +7,13 @@ import shutil
 from pathlib import Path
 
 import pytest
+import yaml
 from in_process import invoke
 from places import REPOSITORY
 from pxr import Usd
 
 from lab3_usd.errors import SpecError
+from lab3_usd.new_lab.checkpoints import Step, rubric_text
 from lab3_usd.spec.load.loader import load_lab
 
 JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
@@ -116,3 +118,27 @@ def test_a_name_that_nothing_has_is_refused(tmp_path: Path) -> None:
         SpecError, match="'Sacn' is not a path, and no graph or sensor that is there"
     ):
         load_lab(lab)
+
+
+@pytest.mark.parametrize("groups", ["TF", "Scene"])
+def test_a_removal_that_no_item_counts_is_a_warning(tmp_path: Path, groups: str) -> None:
+    lab = lab_that_removes(tmp_path / "lab", f"[{CRATE}]")
+    rubric = lab / "rubric.yaml"
+    rubric.write_text(rubric.read_text().replace('["*"], points', f"[{groups}], points"))
+    said = invoke("lab", "check", lab).output
+    assert (f"no item counts that {CRATE} is removed" in said) == (groups == "TF")
+
+
+def test_a_new_rubric_counts_what_a_checkpoint_removes_or_furnishes() -> None:
+    steps = [
+        Step("1", "start", "Start", "A"),
+        Step("2", "clock", "Clock", "B", graphs=("Clock",), removes=(CRATE,)),
+        Step("3", "drive", "Drive", "C", graphs=("Drive",)),
+        Step("4", "scan", "Scan", "D", graphs=("Scan",)),
+    ]
+    items = yaml.safe_load(rubric_text("Title", steps, {"4"}, load_lab(JETBOT)))["items"]
+    assert [item["groups"] for item in items.values()][1:] == [
+        ["Clock", "Scene"],
+        ["Drive"],
+        ["Scan", "Scene"],
+    ]

@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.checker import judge
 from lab3_usd.check.registry import FAMILIES, all_rules
+from lab3_usd.check.rules.props import REMOVED
 from lab3_usd.data import program
 from lab3_usd.errors import SpecError
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
@@ -468,27 +469,30 @@ def _checklist_faults(lab: Lab, required: tuple[Requirement, ...]) -> Iterator[L
 def _sections_without_points(
     lab: Lab, rubric: Rubric, required: Mapping[str, tuple[Requirement, ...]]
 ) -> Iterator[LabFault]:
-    """Yield the sections without a requirement that an item counts."""
+    """Yield the sections without a requirement that an item counts, and removals of others."""
     lines = {line.text: line for line in lab.submission.checklist}
-    paid = {
-        requirement.handout
-        for requirements in rubric.asked.values()
-        for requirement in requirements
-    }
-    for item in rubric.items:
-        line = lines.get(item.checklist)
-        patterns = () if line is None else line.requirements
-        paid |= {
-            requirement.handout
-            for requirement in required[lab.last]
-            if any(fnmatchcase(requirement.id, pattern) for pattern in patterns)
-        }
+    counting = [lines[item.checklist] for item in rubric.items if item.checklist in lines]
+    patterns = [pattern for line in counting for pattern in line.requirements]
+    counted = rubric.counted.union(
+        each.id for each in required[lab.last] if fits_name(each.id, patterns)
+    )
     first: dict[str | None, tuple[str, Requirement]] = {}
+    removed: dict[str, tuple[str, Requirement]] = {}
+    paid: set[str | None] = set()
     for checkpoint, requirements in required.items():
         for requirement in requirements:
             first.setdefault(requirement.handout, (checkpoint, requirement))
+            if requirement.id in counted:
+                paid.add(requirement.handout)
+            elif requirement.id.startswith(REMOVED):
+                removed.setdefault(requirement.id, (checkpoint, requirement))
     for section, (checkpoint, requirement) in first.items():
         if section not in paid:
             message = f"no item counts section {section} of the handout"
+            hint = f"checkpoint {checkpoint} asks for {requirement.id}"
+            yield LabFault(RUBRIC, "items", message, hint, "warning")
+    for checkpoint, requirement in removed.values():
+        if requirement.handout in paid:
+            message = f"no item counts that {requirement.title}"
             hint = f"checkpoint {checkpoint} asks for {requirement.id}"
             yield LabFault(RUBRIC, "items", message, hint, "warning")

@@ -331,8 +331,11 @@ def submission_text(steps: Sequence[Step]) -> str:
     return document(_HEAD, data, {"stages": _DIFFER})
 
 
-def rubric_text(title: str, steps: Sequence[Step], lab: Lab) -> str:
-    """Return `rubric.yaml`: the same points for each checkpoint, and what a changed robot costs."""
+def rubric_text(title: str, steps: Sequence[Step], furnished: Collection[str], lab: Lab) -> str:
+    """Return `rubric.yaml`: the same points for each checkpoint, and what a changed robot costs.
+
+    `furnished` are the checkpoints with which things of the scene come.
+    """
     items: dict[str, Any] = {}
     supplied = [robot.group for robot in lab.scene.robots]
     robots = "robots" if supplied[1:] else "robot"
@@ -340,6 +343,8 @@ def rubric_text(title: str, steps: Sequence[Step], lab: Lab) -> str:
     for step in steps:
         groups = [*step.graphs, *(sensor_group(lab, name) for name in step.sensors)]
         groups += [TREE_GROUP] if step.frames else []
+        is_of_scene = step.removes or step.id in furnished
+        groups += [SCENE_GROUP] if groups and is_of_scene and step is not steps[0] else []
         if step is steps[0]:
             items[_SUPPLIED] = {
                 "title": f"The supplied {' and '.join(things)}",

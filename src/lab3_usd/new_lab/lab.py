@@ -329,13 +329,14 @@ def _files(
     nodes = source.stage.nodes()
     used = {node.saved_type: node.type.type for node in nodes if node.type is not None}
     types = catalog_text(used, bundled, source.unknown)
+    furnished = {prop["from"] for prop in parts.scene.get("props", {}).values() if "from" in prop}
     return {
         CHECKPOINTS: checkpoints_text(parts.names, title, steps, parts.frames, parts.lab),
         **{f"{text.spec.name}.yaml": _graph_text(text) for text in parts.texts},
         SCENE: document(_SCENE_HEAD, parts.scene, _SCENE_NOTES),
         **({ROS: ros_text(parts.lab, steps)} if any(graph_topics(parts.lab)) else {}),
         SUBMISSION: submission_text(steps),
-        RUBRIC: rubric_text(title, steps, parts.lab),
+        RUBRIC: rubric_text(title, steps, furnished, parts.lab),
         **({CATALOG: types} if types else {}),
     }
 

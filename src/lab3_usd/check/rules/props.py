@@ -401,9 +401,12 @@ def _place_text(place: PlaceSpec) -> str:
     return f"{numbers} m, give or take {place.within:g}"
 
 
+REMOVED = "Scene/removed"  # before the path of what is to be gone
+
+
 def _absences(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
     for gone in checkpoint.removals:
-        name, title = f"Scene/removed{gone.path}", f"{gone.path} is removed"
+        name, title = f"{REMOVED}{gone.path}", f"{gone.path} is removed"
         yield Demand(name, title, gone.path, _section(gone, lab), part="world")
 
 
@@ -431,5 +434,5 @@ def not_removed(subject: StageSubject) -> Iterator[Problem]:
                 actual=prim.type or "a prim",
                 handout=_section(gone, subject.lab),
                 fix=(RemovePrim(path),),
-                unmet=(f"Scene/removed{path}",),
+                unmet=(f"{REMOVED}{path}",),
             )
