@@ -205,6 +205,23 @@ def test_lines_of_an_earlier_table_that_no_longer_count_are_named(here: Path) ->
     ]
 
 
+def test_who_is_no_longer_in_the_table_of_days_is_named_and_not_called_in_time(here: Path) -> None:
+    with_price(here)
+    (here / "all.csv").write_text("student,days\njane,2\njoe,1\n")
+    (here / "next.csv").write_text("student,days\njane,\njoe,3\n")
+    regraded(here, "--late", here / "all.csv")
+    options = ["--rubric", here / "rubric.yaml", "--late", here / "next.csv"]
+    told = invoke("grade", "--regrade", here / "book", *options)
+    assert told.stderr.splitlines() == [
+        "lab3: 1 line of the table before no longer count; to keep them, add to the new one:",
+        "lab3:     jane,2",
+    ]
+    assert told.stdout.splitlines()[:2] == [
+        "jane: 80.00 of 100 -> 100.00 of 100 (+20.00), days late not given",
+        "joe: 88.17 of 100 -> 68.17 of 100 (-20.00), 3 days late",
+    ]
+
+
 def test_what_only_a_person_can_judge_is_no_longer_open(here: Path) -> None:
     before = student_in(read_gradebook(here / "book"), "jane")["items"][-1]
     assert (before["id"], before["state"], before["possible"]) == ("video", "open", 0.0)

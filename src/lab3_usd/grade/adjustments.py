@@ -57,19 +57,10 @@ class Tables(Struct, frozen=True):
 
 
 class Decisions(Struct, frozen=True):
-    """What was decided by student and item, and the lines of before that no longer count."""
+    """What was decided by student and item, and what is told of lines that no longer count."""
 
     by_student: Mapping[str, ByItem]
     dropped: tuple[str, ...] = ()
-
-
-def dropped_lines(dropped: Sequence[str]) -> Iterator[str]:
-    """Yield what a person is told of the lines that a new table has not."""
-    count = len(dropped)
-    if count:
-        lines = f"{count} line{'s' * (count != 1)}"
-        yield f"{lines} of the table before no longer count; to keep them, add to the new one:"
-    yield from (f"    {line}" for line in dropped)
 
 
 class _Lines(Struct, frozen=True):
@@ -82,6 +73,18 @@ class _Lines(Struct, frozen=True):
     def value(self, row: int, column: str) -> str:
         """Return what a line says in a column."""
         return self.table.value(row, self.columns[column]).strip()
+
+    @property
+    def form(self) -> tuple[str, ...]:
+        """The columns that say what was decided; of times, or of days, or of points."""
+        forms = (_COLUMNS, (_STUDENT, _LATE_DAYS), (_STUDENT, *_TIMES))
+        return next((form for form in forms if self.columns.keys() >= set(form)), (_STUDENT,))
+
+    @property
+    def counted(self) -> list[int]:
+        """The rows that decide something: each with points or words, and who has a day or time."""
+        form = self.form
+        return [row for row in self.table.lines if form == _COLUMNS or self.value(row, form[1])]
 
     def place(self, row: int) -> str:
         """Return the file and the line in which a row begins: a cell may hold several lines."""
@@ -135,8 +138,8 @@ def decisions_in(
     """
     roll = _Roll(students)
     kept, decided = _lines(out / ADJUSTMENTS), _lines(given.decisions)
-    counted = decided or kept
-    late = _lines(given.late) or _lines(out / LATE)
+    kept_late, given_late = _lines(out / LATE), _lines(given.late)
+    counted, late = decided or kept, given_late or kept_late
     if counted is None and late is None:
         return None
     by_student = {} if counted is None else _adjustments(counted, rubric, roll)
@@ -144,7 +147,8 @@ def decisions_in(
         own = by_student.setdefault(student, {})
         whole = own.get(WHOLE, late_line)
         own[WHOLE] = whole if whole.days is not None else replace(whole, days=late_line.days)
-    dropped = () if kept is None or decided is None else tuple(_dropped(kept, decided, roll))
+    replaced = ((kept, decided), (kept_late, given_late))
+    dropped = tuple(line for before, now in replaced for line in _dropped(before, now, roll))
     for table, name in ((given.decisions, ADJUSTMENTS), (given.late, LATE)):
         copy = out / name
         if table is not None and not (copy.exists() and copy.samefile(table)):
@@ -266,19 +270,26 @@ def _time(text: str, place: str) -> datetime:
         raise UsageError(f"{place}: '{text}' is not a time, such as 2026-11-20 23:59") from error
 
 
-def _dropped(before: _Lines, now: _Lines, roll: _Roll) -> Iterator[str]:
-    """Yield the lines of a table of decisions that the new one has not, as they would stand there.
+def _dropped(before: _Lines | None, now: _Lines | None, roll: _Roll) -> Iterator[str]:
+    """Yield what is told of the lines of a table that the new one has not, as they stood there.
 
-    A line with the same student and item takes the place of the earlier one.
+    A line with the same student and item takes the place of the earlier one; a student without a
+    time or a number of days is in a table of days as if not named.
     """
+    if before is None or now is None:
+        return
 
     def key(lines: _Lines, row: int) -> tuple[str, str]:
         name = lines.value(row, _STUDENT)
-        return (",".join(roll.called(name)) or name, lines.value(row, "item"))
+        item = lines.value(row, "item") if lines.form == _COLUMNS else WHOLE
+        return (",".join(roll.called(name)) or name, item)
 
-    stays = {key(now, row) for row in now.table.lines}
-    for row in before.table.lines:
-        if key(before, row) not in stays:
-            line = io.StringIO(newline="")
-            csv.writer(line).writerow(before.value(row, name) for name in _COLUMNS)
-            yield line.getvalue().rstrip("\r\n")
+    stays = {key(now, row) for row in now.counted}
+    gone = [row for row in before.counted if key(before, row) not in stays]
+    if gone:
+        lines = f"{len(gone)} line{'s' * (len(gone) != 1)}"
+        yield f"{lines} of the table before no longer count; to keep them, add to the new one:"
+    for row in gone:
+        line = io.StringIO(newline="")
+        csv.writer(line).writerow(before.value(row, name) for name in before.form)
+        yield "    " + line.getvalue().rstrip("\r\n")

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.deliverables.maps import SuppliedMap, supplied_map
 from lab3_usd.errors import StageError, UsageError
-from lab3_usd.grade.adjustments import Tables, decisions_in, dropped_lines
+from lab3_usd.grade.adjustments import Tables, decisions_in
 from lab3_usd.grade.gradebook import (
     Rows,
     check_target,
@@ -149,7 +149,7 @@ def _graded(
                 progress(done, len(submissions))
     if decisions is not None:
         adjust(settings.out, submissions, rubric, decisions.by_student)
-        for line in dropped_lines(decisions.dropped):
+        for line in decisions.dropped:
             settings.notify(line)
     return write_tables(settings.out, submissions, rubric)
 

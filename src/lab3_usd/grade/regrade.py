@@ -80,7 +80,12 @@ class ChangedGrade(Struct, frozen=True):
         if "points" in self.changes:
             gained = f"{after.earned - before.earned:+.2f}"
             points = f"{before.earned:.2f} of {before.possible:g} -> {points} ({gained})"
-        late = f", {days_text(after.days_late or 0)} late" if "days late" in self.changes else ""
+        late = ""
+        if "days late" in self.changes:
+            is_given = after.days_late is not None
+            late = (
+                f", {days_text(after.days_late or 0)} late" if is_given else ", days late not given"
+            )
         remarks = ", other remarks" if "remarks" in self.changes else ""
         return f"{self.student}: {points}{late}{remarks}"
 
@@ -91,7 +96,7 @@ def _words_by_hand(grade: Grade) -> list[str]:
 
 
 class Regrade(Struct, frozen=True):
-    """Whose grades changed, and the lines of an earlier table of decisions that count no longer."""
+    """Whose grades changed, and what is told of lines of earlier tables that count no longer."""
 
     changed: tuple[ChangedGrade, ...]
     dropped: tuple[str, ...] = ()

@@ -306,7 +306,7 @@ def _explain(out: Path, student: str) -> None:
 
 def _regrade(out: Path, asked: ClassOptions) -> None:
     """Give a gradebook the points of a rubric, and say who changed."""
-    from lab3_usd.grade.adjustments import Tables, dropped_lines
+    from lab3_usd.grade.adjustments import Tables
     from lab3_usd.grade.regrade import regrade
     from lab3_usd.report.safe_text import printable
     from lab3_usd.spec.load.loader import load_lab
@@ -315,7 +315,7 @@ def _regrade(out: Path, asked: ClassOptions) -> None:
     regraded = regrade(out, asked.rubric, load_lab(), by_hand, force=asked.force)
     for grade in regraded.changed:
         click.echo(printable(grade.text))
-    for line in dropped_lines(regraded.dropped):
+    for line in regraded.dropped:
         _notify(printable(line))
     click.echo(f"{regraded.counts}: {out / 'index.html'}")
 
