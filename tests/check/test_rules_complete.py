@@ -31,7 +31,7 @@ IN_CASES = [
 ]
 OTHERS = ("K", "Y", "UV")  # see test_lint_rules.py and test_native.py
 ELSEWHERE = [rule for rule in RULES if rule not in IN_CASES and rule.family not in OTHERS]
-_NAMED = re.compile(r"['\"]([A-Z]\d\d)(?= |['\"])")
+_NAMED = re.compile(r"['\"]([A-Z]\d{2,3})(?= |['\"])")
 
 
 def has_manual(rule: Rule) -> bool:
@@ -68,8 +68,19 @@ def test_every_rule_has_a_manual() -> None:
     assert [rule.id for rule in RULES if not has_manual(rule)] == []
 
 
+def is_id(text: str) -> bool:
+    return re.fullmatch(r"[A-Z]+(\d\d|[1-9]\d\d)", text) is not None
+
+
+def test_the_id_after_99_has_three_digits() -> None:
+    assert [text for text in ("K99", "K100", "K1", "K001", "K1000", "k10") if is_id(text)] == [
+        "K99",
+        "K100",
+    ]
+
+
 def test_every_rule_has_an_id_of_its_family_and_a_name() -> None:
-    assert [rule.id for rule in RULES if not re.fullmatch(r"[A-Z]+\d\d", rule.id)] == []
+    assert [rule.id for rule in RULES if not is_id(rule.id)] == []
     assert [rule.id for rule in RULES if rule.family not in FAMILIES] == []
     unnamed = [rule.id for rule in RULES if not re.fullmatch(r"[a-z]+(-[a-z]+)*", rule.name)]
     assert unnamed == []

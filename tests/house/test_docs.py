@@ -47,7 +47,7 @@ PAGES = sorted(
 ALONE = re.compile(r"""(lab3|usdlab) ([^$&*;<>?`|~\\\n]+)(; echo "exit code \$\?")?""")
 SCRIPT = re.compile(r"""python ([\w./]+\.py [\w ./-]+)(; echo "exit code \$\?")?""")
 RUN = re.compile(r"(?m)^\s*```(console|python)\b")
-RULE = re.compile(r"`([A-Z]{1,2}\d\d)`|\b([A-Z]{1,2}\d\d) [a-z]+-[a-z-]+\b")
+RULE = re.compile(r"`([A-Z]{1,2}\d{2,3})`|\b([A-Z]{1,2}\d{2,3}) [a-z]+-[a-z-]+\b")
 
 
 def name_of(page: Path) -> str:

@@ -209,6 +209,7 @@ def test_one_name_is_one_concept() -> None:
 # Outside of the rules and of the table that says which rule explains what a dry run shows.
 OWN_IDS = ("lab3_usd/check/rules/", "lab3_usd/check/explanations.py")
 MOST_RULE_IDS, MOST_PORTS = 18, 21
+PORT = r"(?:in|out)puts:\w+"
 
 
 def quoted(pattern: str, code: str) -> list[str]:
@@ -225,7 +226,14 @@ def test_ids_of_rules_and_ports_of_nodes_stand_in_one_place() -> None:
     assert len([each for each in quoted(r"[A-Z]\d{2,3}", apart) if each in all_rules()]) <= (
         MOST_RULE_IDS
     )
-    assert len(quoted(r"(?:in|out)puts:\w+", "".join(texts.values()))) <= MOST_PORTS
+    ports = quoted(PORT, "".join(texts.values()))
+    assert len(ports) <= MOST_PORTS, "import the constant of a port from `facts`, or add one there"
+
+
+def test_the_example_of_a_rule_keeps_to_the_constants_of_ports() -> None:
+    example = (ROOT / "CONTRIBUTING.md").read_text().partition("```py +src")[2].partition("```")[0]
+    assert "QUEUE" in example
+    assert quoted(PORT, example) == []
 
 
 # A private function of so few lines with one caller is to have a name that says what they do not.
