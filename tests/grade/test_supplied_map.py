@@ -11,7 +11,7 @@ from pathlib import Path
 import pytest
 import quick_yaml
 from html_pages import read
-from other_labs import MINI, starter, submission
+from other_labs import MINI, files_below, starter, submission
 from workers_here import graded_here
 
 from lab3_usd.data import data_folder
@@ -100,6 +100,22 @@ def test_without_the_supplied_map_a_missing_one_takes_points(place: Path) -> Non
         "renamed",  # whether it is the same map, only the supplied one tells
     }
     assert "map" not in graded["other"]["remarks"]
+
+
+def test_a_gradebook_that_is_continued_keeps_its_map(place: Path, tmp_path: Path) -> None:
+    book = tmp_path / "book"
+    shutil.copytree(place / "book", book)
+    before = files_below(book)
+    graded_here(settings(place, str(book), resume=True))
+    assert files_below(book) == before
+
+
+def test_a_kept_map_that_somebody_broke_is_refused(place: Path, tmp_path: Path) -> None:
+    (tmp_path / "supplied-map.json").write_text("{}")
+    with pytest.raises(
+        MapError, match=r"supplied-map\.json: is no map that lab3 kept; give --maps"
+    ):
+        graded_here(settings(place, str(tmp_path), resume=True))
 
 
 def test_report_and_page_show_the_comparison(place: Path) -> None:

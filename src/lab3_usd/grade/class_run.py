@@ -8,14 +8,17 @@ from collections.abc import Callable, Mapping, Sequence
 from contextlib import closing
 from pathlib import Path
 
+import msgspec
 from msgspec import Struct, field
 from msgspec.structs import replace
 
 from lab3_usd.data import lab_folder, own_lab
-from lab3_usd.deliverables.maps import SuppliedMap, supplied_map
+from lab3_usd.deliverables.maps import MapError, SuppliedMap, supplied_map
 from lab3_usd.errors import StageError, UsageError
+from lab3_usd.files import write_whole
 from lab3_usd.grade.adjustments import Tables, decisions_in
 from lab3_usd.grade.gradebook import (
+    MAP,
     Rows,
     check_target,
     clear_halves,
@@ -49,7 +52,7 @@ class ClassSettings(Struct, frozen=True):
     servers to folders. With `merge_uploads`, earlier uploads of a student complete the last one.
     `force` removes the lock of a run that was killed. `by_hand` are the grader's tables of manual
     decisions, by default those of the gradebook. `maps` is the supplied map, or its folder, with
-    which submitted maps are compared.
+    which submitted maps are compared; `resume` without it uses the gradebook's.
     """
 
     submissions: Path | str
@@ -91,7 +94,7 @@ def grade_class(
     rubric = load_rubric(settings.rubric, load_lab())
     with assets_at(settings.assets):
         check_starter(settings.starter)
-        supplied = None if settings.maps is None else supplied_map(settings.maps)
+        supplied = _map_of(settings)
         salt = salt_of(rubric, settings.starter, settings.assets, supplied)
     check_target(settings.out, resume=settings.resume)
     with locked(settings.out, force=settings.force):
@@ -122,6 +125,9 @@ def _graded(
         people = [(submission.student, submission.name) for submission in submissions]
         decisions = decisions_in(settings.out, settings.by_hand, rubric, people)
         keep_rubric(settings.out, settings.rubric)
+        supplied = _map_of(settings)
+        if supplied is not None:
+            write_whole(settings.out / MAP, msgspec.json.encode(supplied), force=True)
         by_folder = {submission.folder: submission for submission in submissions}
         items = [item.id for item in rubric.items]
         tasks = (_task(submission, settings, salt, items) for submission in submissions)
@@ -138,7 +144,7 @@ def _graded(
             dict(settings.assets),
             settings.merge_uploads,
             named=len(submissions) <= settings.most_named,
-            supplied_map=None if settings.maps is None else supplied_map(settings.maps),
+            supplied_map=supplied,
         )
         progress(0, len(submissions))
         notified: set[str] = set()
@@ -152,6 +158,23 @@ def _graded(
         for line in decisions.dropped:
             settings.notify(line)
     return write_tables(settings.out, submissions, rubric)
+
+
+def _map_of(settings: ClassSettings) -> SuppliedMap | None:
+    """Return the map that is supplied to a run, else the one that the gradebook keeps, if any.
+
+    Raises:
+        MapError: it cannot be read.
+    """
+    copy = settings.out / MAP
+    if settings.maps is not None:
+        return supplied_map(settings.maps)
+    if not (settings.resume and copy.is_file()):
+        return None
+    try:
+        return msgspec.json.decode(copy.read_bytes(), type=SuppliedMap)
+    except msgspec.DecodeError as error:
+        raise MapError(f"{copy}: is no map that lab3 kept; give --maps again") from error
 
 
 def grade_alone(

@@ -137,7 +137,8 @@ def write_reports(
 STUDENTS, RESULT = "students", "result.json"
 CSV, GRADEBOOK_JSON, PAGE = "grades.csv", "grades.json", "index.html"
 FINISHED = ("graded", "empty", "unreadable")  # the other ways to end may go better next time
-_TABLES = (CSV, GRADEBOOK_JSON, PAGE, ADJUSTMENTS, LATE, RUBRIC)
+MAP = "supplied-map.json"
+_TABLES = (CSV, GRADEBOOK_JSON, PAGE, ADJUSTMENTS, LATE, RUBRIC, MAP)
 _FILES = (HTML, JSON, GRADESCOPE, RESULT)
 _VERSION = 1
 # What `--gradebook` writes beside the tables.
