@@ -14,6 +14,7 @@ from pxr import Usd
 
 from lab3_usd.errors import SpecError
 from lab3_usd.new_lab.checkpoints import Step, rubric_text
+from lab3_usd.spec.contradictions.references import lab_faults
 from lab3_usd.spec.load.loader import load_lab
 
 JETBOT = REPOSITORY / "docs" / "examples" / "labs" / "jetbot"
@@ -127,6 +128,17 @@ def test_a_removal_that_no_item_counts_is_a_warning(tmp_path: Path, groups: str)
     rubric.write_text(rubric.read_text().replace('["*"], points', f"[{groups}], points"))
     said = invoke("lab", "check", lab).output
     assert (f"no item counts that {CRATE} is removed" in said) == (groups == "TF")
+
+
+@pytest.mark.parametrize(
+    ("path", "is_there"), [(CRATE, True), ("/World/Room/Crat", False), ("/World/Jetbot", True)]
+)
+def test_a_removal_of_what_no_scene_has_is_a_warning(
+    tmp_path: Path, path: str, *, is_there: bool
+) -> None:
+    lab = load_lab(lab_that_removes(tmp_path / "lab", f"[{path}]"))
+    told = [fault.message for fault in lab_faults(lab) if "removes" in fault.key]
+    assert told == ([] if is_there else [f"'{path}' is not a prim, '{CRATE}' is"])
 
 
 def test_a_new_rubric_counts_what_a_checkpoint_removes_or_furnishes() -> None:

@@ -1,4 +1,4 @@
-"""Contradictions in the things of a scene: paths, targets and assets that nothing has or makes."""
+"""Contradictions in the things of a scene: paths, targets, assets that nothing has or makes."""
 
 from __future__ import annotations
 
@@ -7,19 +7,43 @@ from pathlib import PurePosixPath
 
 from lab3_usd.spec.contradictions.names import LabFault, nearest_name
 from lab3_usd.spec.contradictions.scene import KnownScene
-from lab3_usd.spec.lab import SCENE, Lab
+from lab3_usd.spec.lab import CHECKPOINTS, SCENE, Lab
 from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.scene import stands_within
 
 
 def prop_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
-    """Yield what props name that is in no scene that is known, and that `build` does not make."""
+    """Yield what props and removals name that no known scene has and `build` does not make."""
     for name, prop in lab.scene.props.items():
         yield from _needless_values(lab, name, prop)
         yield from _other_asset(lab, name, prop, scenes)
         if scenes:
             yield from _unmade(lab, name, prop, scenes)
             yield from _absent_targets(lab, name, prop, scenes)
+    if scenes:
+        yield from _absent_removals(lab, scenes)
+
+
+def _absent_removals(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
+    """Yield paths that a checkpoint removes, and that no scene, graph, sensor or thing has.
+
+    A warning: students may have made it in an earlier part that the lab does not describe.
+    """
+    prims = frozenset[str]().union(*(scene.prims for scene in scenes))
+    made = {graph.path for graph in lab.graphs.values()}
+    made |= {sensor.path for sensor in lab.sensors.values()}
+    told = set[str]()
+    for point in lab.checkpoints.values():
+        for path in point.removed:
+            is_thing = any(prop.stands_at(path) for prop in lab.scene.props.values())
+            is_made = is_thing or any(stands_within(path, own) for own in made)
+            if path in prims or path in told or is_made or _is_open(lab, path, scenes):
+                continue
+            told.add(path)
+            meant = nearest_name(path, prims)
+            message = f"'{path}' is not a prim" + (f", '{meant}' is" if meant else "")
+            key = f"checkpoints: '{lab.key_of(point.id)}': removes"
+            yield LabFault(CHECKPOINTS, key, message, _names(scenes), "warning")
 
 
 def _needless_values(lab: Lab, name: str, prop: PropSpec) -> Iterator[LabFault]:
