@@ -287,6 +287,36 @@ def test_a_place_may_be_written_as_a_matrix(course: Path) -> None:
     assert told(course, 2, placed_by_a_matrix) == []
 
 
+TURNS = {  # of the post by a quarter turn about Y, in the words of other operations
+    "rotateY": 90.0,
+    "rotateZXY": [0.0, 90.0, 0.0],
+    "orient": [0.7071067811865476, 0.0, 0.7071067811865476, 0.0],
+}
+
+
+@pytest.mark.parametrize("operation", TURNS)
+@pytest.mark.parametrize("is_turned", [True, False])
+def test_a_turn_may_be_asked_for_by_any_operation(
+    course: Path, tmp_path: Path, operation: str, *, is_turned: bool
+) -> None:
+    copytree(course / "lab", tmp_path / "lab")
+    scene = tmp_path / "lab" / "scene.yaml"
+    asked = f'"xformOp:{operation}": {TURNS[operation]}'
+    scene.write_text(scene.read_text().replace('"xformOp:rotateXYZ": [0, 90, 0]', asked))
+    lab, stage = load_lab(tmp_path / "lab"), tmp_path / "hall_2.usda"
+
+    def told() -> list[str | None]:
+        found = check_stage(stage, "2", lab).findings
+        return [each.property for each in found if each.prim == POST]
+
+    assert invoke("--lab", lab.folder, "build", "--out", tmp_path, "--only", "2").exit_code == 0
+    assert told() == []
+    copy(course / "built" / "hall_2.usda", stage)
+    if not is_turned:
+        stage.write_text(stage.read_text().replace("(0, 90, 0)", "(0, 80, 0)"))
+    assert told() == ([] if is_turned else [f"xformOp:{operation}"])
+
+
 def test_a_material_is_connected_again(course: Path) -> None:
     assert told(course, 2, MISTAKES["not connected"][1])
     stage = course / "built" / "changed_2.usda"

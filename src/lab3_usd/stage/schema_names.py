@@ -15,8 +15,11 @@ from lab3_usd.stage.read.opening import open_stage
 _ALIKE = 0.85
 SHADER = "info:id"
 _TYPES = Sdf.ValueTypeNames
+_TURNS = ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")
 _POSES = {  # as Isaac Sim's own editor writes them
-    **dict.fromkeys(("xformOp:translate", "xformOp:scale", "xformOp:rotateXYZ"), _TYPES.Double3),
+    **dict.fromkeys(("xformOp:translate", "xformOp:scale"), _TYPES.Double3),
+    **dict.fromkeys((f"xformOp:rotate{axes}" for axes in _TURNS), _TYPES.Double3),
+    **dict.fromkeys((f"xformOp:rotate{axis}" for axis in "XYZ"), _TYPES.Double),
     "xformOp:orient": _TYPES.Quatd,
 }
 
@@ -97,8 +100,9 @@ def known_type(prim: Usd.Prim, name: str) -> Sdf.ValueTypeName | None:
     spec = prim.GetPrimDefinition().GetSchemaAttributeSpec(name)
     if spec is not None:
         return spec.typeName
-    if name.startswith(tuple(_POSES)):
-        return _POSES[":".join(name.split(":")[:2])]
+    pose = _POSES.get(":".join(name.split(":")[:2]))
+    if pose is not None:
+        return pose
     shader = prim.GetAttribute(SHADER)
     if not shader:
         return None

@@ -12,12 +12,16 @@ from lab3_usd.check.registry import Demand, rule
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ApplySchema, Connect, Edit, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity, display, format_paths
-from lab3_usd.model.physics import GRAVITY_DIRECTION, vector
+from lab3_usd.model.physics import GRAVITY_DIRECTION, number, numbers, vector
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import StageModel, same_value
 from lab3_usd.model.transforms import (
+    AXES,
+    Rotation,
     angle_between,
     decompose,
+    rotate_by_quaternion,
+    rotate_vector,
     rotation_difference,
     rotation_from_euler,
 )
@@ -313,6 +317,8 @@ def _wrong_value(
         yield _Fault(name, read, written, (Restore(prim.path, name),), message)
         return
     value = stage.details.fallback(prim.path, name) if value is None else value
+    if name == f"{_OP}{_ORIENT}" and isinstance(value, tuple):  # read with the real part last
+        value = (*value[-1:], *value[:-1])
     is_set = name.startswith(_LABELS)
     pair = (_in_order(value), _in_order(wanted)) if is_set else (value, wanted)
     is_file = isinstance(wanted, str) and stage.details.is_file(prim.path, name)
@@ -335,25 +341,48 @@ def _wrong_value(
 
 def _comes_to(name: str, wanted: Value, prim: Prim, stage: StageModel) -> bool:
     """Whether a thing is placed, or gravity pulls, as other values than those asked for say it."""
-    numbers = vector(wanted)
+    asked = vector(wanted)
     if name == GRAVITY_DIRECTION:  # which is normalized (UsdPhysics schema)
         pull = vector(prim.attributes.get(name))
-        return any(pull) and any(numbers) and angle_between(pull, numbers) <= _SAME_ANGLE
+        return any(pull) and any(asked) and angle_between(pull, asked) <= _SAME_ANGLE
     local = stage.details.local(prim.path) if name.startswith(_OP) else None
     if local is None:
         return False
     pose = decompose(local)
     match name.removeprefix(_OP):
         case "translate":
-            return same_value(pose.translation, numbers, near_zero=1e-6)
+            return same_value(pose.translation, asked, near_zero=1e-6)
         case "scale":
-            return same_value(pose.scale, numbers, near_zero=1e-6)
-        case "rotateXYZ":
-            turned = rotation_from_euler(numbers)
-            return rotation_difference(pose.rotation, turned) <= _SAME_ANGLE
-    return False
+            return same_value(pose.scale, asked, near_zero=1e-6)
+    turned = _rotation(name.removeprefix(_OP), wanted)
+    return turned is not None and rotation_difference(pose.rotation, turned) <= _SAME_ANGLE
 
 
+def _rotation(operation: str, value: Value) -> Rotation | None:
+    """Return the rotation that an operation with a value is, as UsdGeomXformOp applies it.
+
+    The real part of a quaternion comes first. None: it is no rotation.
+    """
+    if operation == _ORIENT:
+        w, x, y, z = numbers(value) if len(numbers(value)) == 4 else (1.0, 0.0, 0.0, 0.0)  # noqa: PLR2004
+        across, up, ahead = (rotate_by_quaternion(axis, (x, y, z, w)) for axis in AXES)
+        return (across, up, ahead)
+    axes = operation.removeprefix("rotate")
+    if axes == operation or not axes or set(axes) - set(_TURNS):
+        return None
+    angles = dict(zip(_TURNS, vector(value), strict=True))
+    if axes in angles:
+        angles[axes] = number(value) or 0.0
+    turned = AXES
+    for axis in axes:
+        x, y, z = (angles[each] if each == axis else 0.0 for each in _TURNS)
+        single = rotation_from_euler((x, y, z))
+        across, up, ahead = (rotate_vector(direction, single) for direction in turned)
+        turned = (across, up, ahead)
+    return turned
+
+
+_ORIENT, _TURNS = "orient", "XYZ"
 _OP, _ORDER = "xformOp:", "xformOpOrder"
 _SAME_ANGLE = 0.01  # degrees
 _LENGTHS = re.compile(
