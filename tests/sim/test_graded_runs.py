@@ -7,10 +7,12 @@ from pathlib import Path
 
 import pytest
 from breaking import Step, broken, the_lab
+from msgspec.structs import replace
 
 from lab3_usd.grade import dry_runs
 from lab3_usd.grade.dry_runs import faults_in_dry_run, with_dry_runs
 from lab3_usd.grade.scoring import facts_of
+from lab3_usd.model.finding import Severity
 from lab3_usd.physics import surfaces
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.judge.topics import expected_of_each
@@ -104,6 +106,20 @@ def test_the_stages_after_the_last_graph_are_played_once_where_they_are_equal(
     assert "follows" in shown[1]
     assert shown[1] == shown[2] == shown[3] == shown[4]
     assert with_dry_runs(facts_of(results, {}), the_lab(), {}).stages == facts.stages
+
+
+@pytest.mark.parametrize("severity", ["warning", "note"])
+def test_a_stage_without_errors_is_played_where_a_warning_is_about_it(
+    tmp_path: Path, severity: Severity
+) -> None:
+    path = tmp_path / FILES["04"]
+    broken("04", RADIUS).GetRootLayer().Export(str(path))
+    result = check_stage(path)
+    findings = tuple(replace(each, severity=severity) for each in result.findings)
+    facts = facts_of([replace(result, findings=findings)], {})
+    (stage,) = with_dry_runs(facts, the_lab(), {}).stages
+    assert not stage.faults
+    assert ("follows" in stage.shown) is (severity == "warning")
 
 
 def test_the_room_is_made_once_for_all_that_is_played_in_it(tmp_path: Path) -> None:

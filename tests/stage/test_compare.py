@@ -278,6 +278,15 @@ def test_a_change_is_found(starter: Usd.Stage, stage: Usd.Stage, name: str) -> N
     assert found.physics is (name in DIFFERENCES)
 
 
+def test_how_the_rollers_of_a_wheel_stand_is_physics(stage: Usd.Stage) -> None:
+    stages = [copied(starter_layer(LAB.folder)), stage]
+    for each, angle in zip(stages, (-135.0, -45.0), strict=True):
+        joint = each.GetPrimAtPath(JOINT)
+        joint.CreateAttribute("isaacmecanumwheel:angle", Sdf.ValueTypeNames.Float).Set(angle)
+    found = difference(compared(stages[0], stages[1]))
+    assert (found.kind, found.property) == ("physics", "isaacmecanumwheel:angle")
+
+
 def test_several_differences_of_one_prim_are_one_change(
     starter: Usd.Stage, stage: Usd.Stage
 ) -> None:

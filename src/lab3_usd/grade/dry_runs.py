@@ -29,17 +29,18 @@ _DRIVE = "0.15,0,1 0,0.8,1"  # enough to see what it does: the whole drive takes
 
 
 def with_dry_runs(facts: SubmissionFacts, lab: Lab, digests: Mapping[str, str]) -> SubmissionFacts:
-    """Play the stages that have faults, each file once for all that is expected alike of it.
+    """Play stages with errors or warnings, each file once for all that is expected alike of it.
 
     The last stage is played first: what it holds of the earlier ones is not played again.
-    Stages without faults are not played: nothing would come of it. A dry run that fails itself is a
-    crash over its stage.
+    Others are not played: that takes several times as long as judging them, and nothing would come
+    of it. A dry run that fails itself is a crash over its stage.
     """
     first: dict[_Key, tuple[Path, Mapping[str, Expected]]] = {}
     keys: list[_Key | None] = []
     for stage in facts.stages:
         demands = lab.same_demands(stage.checkpoint)
-        is_played = stage.readable and stage.faults and stage.path not in facts.crashes
+        is_suspect = bool(stage.faults) or stage.is_warned_about
+        is_played = stage.readable and is_suspect and stage.path not in facts.crashes
         key = None
         if first or (is_played and demands.graphs):
             wanted = expected_of_each(lab, lab.checkpoints[demands.id])

@@ -42,8 +42,8 @@ class StageFacts(Struct, frozen=True):
     """What a grade needs to know of a stage, under any rubric.
 
     `unmet` are the ids of the requirements that it fails, `slight` of those that it nearly meets,
-    so that the robot does the same. `shown` is what a dry run shows to be
-    wrong, by topic, check and kind of fault; a stage without faults is not played.
+    so that the robot does the same. `shown` is what a dry run shows to be wrong, by topic, check
+    and kind of fault; a stage that is neither faulty nor warned about is not played.
     """
 
     checkpoint: str
@@ -53,6 +53,7 @@ class StageFacts(Struct, frozen=True):
     faults: tuple[Fault, ...] = ()
     shown: Mapping[str, str] = {}
     slight: tuple[str, ...] = ()
+    is_warned_about: bool = False
 
 
 class SubmissionFacts(Struct, frozen=True):
@@ -150,6 +151,7 @@ def facts_of(
                     ),
                     *(fault for fault in of_files if fault.place == result.path),
                 ),
+                is_warned_about=any(each.severity == "warning" for each in result.findings),
             )
             for number, result in sorted(stages.items())
         ),
