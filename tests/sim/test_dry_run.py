@@ -10,13 +10,14 @@ from dry_runs import DRIVE, SHORT, TO_THE_WALL, driven, faults
 from fault_stages import MOTION
 from layerings import one_text_file
 from pxr import Gf, Sdf, Usd, UsdGeom
-from scene_stages import ROBOT, put
+from scene_stages import CAMERA, ROBOT, put
 from second_author import Style
 
 from lab3_usd.sim.execution.drive import Session, drive_of
 from lab3_usd.sim.execution.recording import Odometry, Recording
 from lab3_usd.sim.judge.checks import CHECKS, judge
 from lab3_usd.sim.judge.expectations import Expected, Trial
+from lab3_usd.sim.judge.sensors import camera
 from lab3_usd.sim.judge.topics import expected_at
 from lab3_usd.sim.outcome import Judged, behaviour_of
 from lab3_usd.stage.write.builder import build_checkpoint
@@ -140,6 +141,17 @@ def test_a_fault_shows_where_it_should(step: Step, check: str) -> None:
     assert check in {each.name for each in found}
 
 
+@pytest.mark.parametrize(
+    ("turn", "kinds"),
+    [(Gf.Quatd(0.5, 0.5, -0.5, -0.5), []), (Gf.Quatd(0.5, 0.5, 0.5, 0.5), ["camera-not-ahead"])],
+)
+def test_a_camera_shows_where_it_looks_before_there_is_a_tree(
+    turn: Gf.Quatd, kinds: list[str]
+) -> None:
+    trial = driven(broken("04", [{"set": [f"{CAMERA}.xformOp:orient", turn]}]), SHORT)
+    assert [fault.kind for fault in camera(trial)] == kinds
+
+
 RAW, AGAIN = "ROS_OdomTF/ros2_publish_raw_transform_tree", "ROS_OdomTF/again"
 
 
@@ -203,7 +215,6 @@ DRIVES: list[Step] = [
 ]
 
 TARGETS = "ROS_OdomTF/isaac_compute_transform_tree.inputs:targetPrims"
-CAMERA = f"{ROBOT}/base_footprint/Camera_1"
 
 
 @pytest.mark.parametrize("step", DRIVES, ids=map(str, DRIVES))

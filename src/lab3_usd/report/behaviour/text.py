@@ -66,6 +66,7 @@ PASSED_IN_A_RECORDING = {
     "odometry": "the speeds of odometry agree with its path",
     "tree": "TF is one tree, with one parent for each frame",
     "scan": "scans come at their rate, and rays come back",
+    "camera": "image and info belong together, in one frame",
     "map": "the scan roughly agrees with the walls of the map",
     "messages": "every message has the type of its topic",
     "QoS": "each topic is offered with the required QoS",

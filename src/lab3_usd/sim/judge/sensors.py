@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from lab3_usd.model.dry_run import AXES, Affine, about
 from lab3_usd.model.transforms import length, minus
 from lab3_usd.sim.execution.recording import Message, Scan, View
 from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
@@ -122,18 +123,23 @@ def apart_from_images(info: Message, images: Sequence[Message]) -> Iterator[RunF
 
 
 def _view(trial: Trial, image: Message) -> Iterator[RunFault]:
-    place = in_root(trial, image)
-    if place is None or not isinstance(image.data, View) or image.data.place is None:
+    if not isinstance(image.data, View) or image.data.place is None:
         return
-    actual = trial.start.inverse().then(image.data.place)
-    if not agree(place, actual):
+    place, actual = in_root(trial, image), trial.start.inverse().then(image.data.place)
+    if place is not None and not agree(place, actual):
         text = f"TF does not have {image.frame} where the camera is"
         yield RunFault(text, "misplaced-camera-frame", image.node)
     wanted = trial.wanted
     base = in_root(trial, Message("", 0.0, wanted.base, at=image.at, session=image.session))
+    if base is None and trial.recording.path:  # without TF, the run itself tells
+        turned = Affine(about(AXES[2], trial.pose(image).heading))
+        base = trial.start.inverse().then(turned)
     if base is not None and any(wanted.view):
         view = base.inverse().then(actual)
         if length(minus(view.turn((0.0, 0.0, 1.0)), wanted.view)) > AHEAD:
             yield RunFault("the camera looks in a wrong direction", "camera-not-ahead", image.node)
         elif length(minus(view.turn((0.0, -1.0, 0.0)), wanted.upward)) > AHEAD:
             yield RunFault("the camera is not upright", "camera-not-upright", image.node)
+    elif any(wanted.view):
+        text = f"nothing tells where {wanted.base} is, and so where the camera looks"
+        yield RunFault(text, "camera-not-ahead", image.node, sure=False)
