@@ -207,6 +207,30 @@ def test_a_dry_run_shows_the_same_table_and_writes_nothing(book: Path, tmp_path:
     assert dry.splitlines()[1:] == wet.splitlines()[1:]
 
 
+def test_an_export_with_points_of_before_is_named_unless_it_is_filled_in_again(
+    book: Path, tmp_path: Path
+) -> None:
+    roster = tmp_path / "export.csv"
+    roster.write_text(EXPORT)
+    filled = ["--gradebook", "canvas", "--roster", roster]
+    (tmp_path / "hand.csv").write_text("student,item,points,text\njane,drive,-1,wall\n")
+    (tmp_path / "none.csv").write_text("student,item,points,text\n")
+    invoke("grade", "-o", book, *filled, "--feedback")
+    told = [
+        invoke("grade", "--regrade", book, "--adjust", tmp_path / table, *more).stderr.splitlines()
+        for table, more in (("hand.csv", []), ("hand.csv", []), ("none.csv", filled))
+    ]
+    old = "has the points of before; fill it in again with --gradebook canvas"
+    of_feedback = [
+        f"lab3: {book / name}: {old} --feedback"
+        for name in ("canvas-rubric.csv", "canvas-feedback.zip")
+    ]
+    assert told[0] == [f"lab3: {book / 'canvas.csv'}: {old}", *of_feedback]
+    assert told[1] == []
+    assert told[2][-2:] == of_feedback
+    assert f"lab3: {book / 'canvas.csv'}: {old}" not in told[2]
+
+
 def test_the_filled_export_is_never_written_over_the_export(book: Path) -> None:
     (book / "canvas.csv").write_text(EXPORT)
     with pytest.raises(UsageError, match="is read by this command"):

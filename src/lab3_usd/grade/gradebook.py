@@ -152,6 +152,11 @@ _LITTER = (".ds_store", "thumbs.db", "desktop.ini", ".directory", "._*", ".~lock
 Row = dict[str, Any]
 
 
+def exports_in(out: Path) -> Iterator[Path]:
+    """Yield what `--gradebook` wrote beside the tables, which are older or newer."""
+    yield from (out / name for name in _EXPORTS if (out / name).is_file())
+
+
 def check_target(out: Path, *, resume: bool) -> None:
     """Refuse to grade into a folder that holds something else, or a gradebook without `--resume`.
 

@@ -201,9 +201,9 @@ def command(
         _grade_alone(Path(str(submissions)), asked, bounds)
         return
     if asked.regrade is not None:
-        _regrade(asked.regrade, asked)
+        _regrade(asked.regrade, asked, export)
     if submissions is not None and asked.starter is not None:
-        _grade(submissions, asked.starter, asked, bounds)
+        _grade(submissions, asked.starter, asked, bounds, export)
     if export.gradebook is not None and export.roster is not None:
         _fill_export(export.gradebook, export.roster, asked, export)
     if asked.explain is not None:
@@ -304,7 +304,18 @@ def _explain(out: Path, student: str) -> None:
         echo_folded(printable(text))
 
 
-def _regrade(out: Path, asked: ClassOptions) -> None:
+def _tell_exports(out: Path, now: ExportOptions) -> None:
+    """Name the filled exports with points of before, except those that this call fills in again."""
+    from lab3_usd.grade.gradebook import exports_in
+
+    for path in exports_in(out):
+        platform, _, is_feedback = path.stem.partition("-")
+        if platform != now.gradebook or (is_feedback and not now.feedback):
+            again = f"--gradebook {platform}{' --feedback' if is_feedback else ''}"
+            _notify(f"{path}: has the points of before; fill it in again with {again}")
+
+
+def _regrade(out: Path, asked: ClassOptions, export: ExportOptions) -> None:
     """Give a gradebook the points of a rubric, and say who changed."""
     from lab3_usd.grade.adjustments import Tables
     from lab3_usd.grade.regrade import regrade
@@ -317,10 +328,18 @@ def _regrade(out: Path, asked: ClassOptions) -> None:
         click.echo(printable(grade.text))
     for line in regraded.dropped:
         _notify(printable(line))
+    if regraded.changed:
+        _tell_exports(out, export)
     click.echo(f"{regraded.counts}: {out / 'index.html'}")
 
 
-def _grade(submissions: str, starter: Path, asked: ClassOptions, bounds: BoundOptions) -> None:
+def _grade(
+    submissions: str,
+    starter: Path,
+    asked: ClassOptions,
+    bounds: BoundOptions,
+    export: ExportOptions,
+) -> None:
     """Grade a class into a gradebook."""
     from lab3_usd.grade.adjustments import Tables
     from lab3_usd.grade.class_run import ClassSettings
@@ -348,6 +367,7 @@ def _grade(submissions: str, starter: Path, asked: ClassOptions, bounds: BoundOp
     number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
     click.echo(f"{number} ({states}): {asked.book / 'index.html'}")
     _tell_failures(rows)
+    _tell_exports(asked.book, export)
     if counts["tool failed"]:
         sys.exit(EXIT_CRASH)
 
