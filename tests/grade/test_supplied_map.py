@@ -113,7 +113,7 @@ def test_a_gradebook_that_is_continued_keeps_its_map(place: Path, tmp_path: Path
 def test_a_kept_map_that_somebody_broke_is_refused(place: Path, tmp_path: Path) -> None:
     (tmp_path / "supplied-map.json").write_text("{}")
     with pytest.raises(
-        MapError, match=r"supplied-map\.json: is no map that lab3 kept; give --maps"
+        MapError, match=r"supplied-map\.json: is no map that a gradebook keeps; give"
     ):
         graded_here(settings(place, str(tmp_path), resume=True))
 

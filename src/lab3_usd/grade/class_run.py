@@ -174,7 +174,7 @@ def _map_of(settings: ClassSettings) -> SuppliedMap | None:
     try:
         return msgspec.json.decode(copy.read_bytes(), type=SuppliedMap)
     except msgspec.DecodeError as error:
-        raise MapError(f"{copy}: is no map that lab3 kept; give --maps again") from error
+        raise MapError(f"{copy}: is no map that a gradebook keeps; give --maps again") from error
 
 
 def grade_alone(
