@@ -64,7 +64,7 @@ def page() -> str:
 
 def _families() -> Iterator[tuple[str, list[Rule]]]:
     rules = sorted(
-        rules_in(load_lab()).values(), key=lambda rule: (list(FAMILIES).index(rule.family), rule.id)
+        rules_in(load_lab()).values(), key=lambda rule: list(FAMILIES).index(rule.family)
     )
     for family, members in groupby(rules, key=lambda rule: rule.family):
         yield family, list(members)

@@ -128,6 +128,24 @@ def test_its_manual_is_a_page_like_others(trusted: tuple[str, Path]) -> None:
     assert "ACME01" not in all_rules()
 
 
+NUMBERED = """from lab3_usd.own_rules import own_rule
+
+def check(subject):
+    "A fault."
+    yield from ()
+
+for number, name in (('100', 'last'), ('99', 'former'), ('10', 'early')):
+    own_rule('NUM' + number, name)(check)
+"""
+
+
+def test_the_id_after_99_is_listed_after_it(folder: Path, trusted: tuple[str, Path]) -> None:
+    (folder / "acme_rules.py").write_text(NUMBERED)
+    listed = lab3("rules", *trusted).stdout.splitlines()
+    ids = [words[0] for words in map(str.split, listed) if words[0].startswith("NUM")]
+    assert ids == ["NUM", "NUM10", "NUM99", "NUM100"]
+
+
 TAKEN_TWICE = """from lab3_usd.own_rules import own_rule
 
 @own_rule('ACME01', 'x')

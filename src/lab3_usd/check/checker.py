@@ -35,7 +35,7 @@ from lab3_usd.check.robot.sensors import sensor_relocations
 from lab3_usd.check.rule_runs import RuleResults, run_rules
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.reaching_values import LiveNodes
-from lab3_usd.model.finding import Crash, Finding, NotJudged
+from lab3_usd.model.finding import Crash, Finding, NotJudged, id_order
 from lab3_usd.model.stage import Node, StageModel
 from lab3_usd.spec.lab import Checkpoint, Lab, articulated_at_roots
 
@@ -72,7 +72,7 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
         )
         scopes: tuple[Scope, ...] = ("stage", "robot", "world")
         of_stage = [each for scope in scopes for each in rules_of(scope, *STAGE_FAMILIES)]
-        of_stage = [*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: rule.id)]
+        of_stage = [*rules_of("model", "F"), *sorted(of_stage, key=lambda rule: id_order(rule.id))]
         run.keep(run_rules(of_stage, [whole], lab))
         if checkpoint.frames:
             trees = placed.frames.trees or (None,)

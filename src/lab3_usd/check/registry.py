@@ -13,7 +13,7 @@ from msgspec import Struct
 
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError, guess
-from lab3_usd.model.finding import SEVERITIES, Place, Problem, Severity, family_of
+from lab3_usd.model.finding import SEVERITIES, Place, Problem, Severity, family_of, id_order
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Checkpoint, Lab
@@ -310,8 +310,12 @@ def _free_id(rule_id: str) -> str:
 
 def own_rules() -> dict[str, Rule]:
     """Return the rules of one's own, in order of id."""
-    names = sorted(name for name, registered in _RULES.items() if registered.scope == "own")
-    return {name: _RULES[name] for name in names}
+    names = [name for name, registered in _RULES.items() if registered.scope == "own"]
+    return {name: _RULES[name] for name in sorted(names, key=id_order)}
+
+
+def _sorted_by_id() -> dict[str, Rule]:
+    return {name: _RULES[name] for name in sorted(_RULES, key=id_order)}
 
 
 def added_by(registered: Rule) -> None:
@@ -358,7 +362,7 @@ def families() -> dict[str, str]:
 def all_rules() -> dict[str, Rule]:
     """Return every rule by id, in order of id; imports the families on the first call."""
     import_rules(*FAMILIES)
-    return dict(sorted(_RULES.items()))
+    return _sorted_by_id()
 
 
 def rule_names() -> dict[str, str]:
@@ -403,7 +407,7 @@ def rules_of(scope: Scope, *families: str) -> list[Rule]:
 @cache
 def scene_demands() -> tuple[Demands, ...]:
     """Return what the rules imported so far demand of the scene, in order of their ids."""
-    stated = (registered.demands for _, registered in sorted(_RULES.items()))
+    stated = (registered.demands for registered in _sorted_by_id().values())
     return tuple(dict.fromkeys(demands for demands in stated if demands is not None))
 
 
@@ -417,5 +421,5 @@ def import_rules(*families: str) -> None:
 
 @cache
 def _in_order(scope: Scope, families: tuple[str, ...]) -> tuple[Rule, ...]:
-    rules = (rule for _, rule in sorted(_RULES.items()) if rule.scope == scope)
+    rules = (rule for rule in _sorted_by_id().values() if rule.scope == scope)
     return tuple(rule for rule in rules if rule.family in families)

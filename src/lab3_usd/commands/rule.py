@@ -50,9 +50,8 @@ def command(rule_id: str, words: str | None, *, whole: bool, config_file: str | 
         click.echo("\n".join(rule_lines(matching)))
         return
     if whole:
-        ordered = sorted(
-            rules.values(), key=lambda rule: ([*families()].index(rule.family), rule.id)
-        )
+        order = [*families()]
+        ordered = sorted(rules.values(), key=lambda rule: order.index(rule.family))
         manuals = (manual_lines(rule, lab.handout.rules.get(rule.id, "")) for rule in ordered)
         click.echo("\n\n\n".join("\n".join(lines) for lines in manuals))
         return

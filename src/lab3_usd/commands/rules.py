@@ -12,6 +12,7 @@ from lab3_usd.check.registry import Rule, families
 from lab3_usd.commands.shared.configuration import own_rules_option, use_own_rules
 from lab3_usd.commands.shared.options import terminal_width
 from lab3_usd.data import own_lab
+from lab3_usd.model.finding import id_order
 from lab3_usd.report.safe_text import folded
 from lab3_usd.spec.load.loader import load_lab
 
@@ -51,7 +52,7 @@ def rule_lines(rules: list[Rule]) -> Iterator[str]:
     columns = max(terminal_width(), LEAST)
     titles = families()
     order = list(titles)
-    ordered = sorted(rules, key=lambda rule: (order.index(rule.family), rule.id))
+    ordered = sorted(rules, key=lambda rule: (order.index(rule.family), id_order(rule.id)))
     for family, members in groupby(ordered, key=lambda rule: rule.family):
         yield f"{family:<2} {titles[family]}"
         for rule in members:

@@ -153,6 +153,12 @@ def family_of(rule: str) -> str:
     return rule.rstrip("0123456789")
 
 
+def id_order(rule: str) -> tuple[str, int, str]:
+    """Return what ids of rules are sorted by: letters, then numbers, K100 after K99."""
+    family = family_of(rule)
+    return family, len(rule) - len(family), rule
+
+
 def is_among(rule: str, names: Collection[str]) -> bool:
     """Whether a rule is one of these: ids of rules, and families."""
     return rule in names or family_of(rule) in names
