@@ -22,7 +22,7 @@ from lab3_usd.isaac.releases import BASE
 from lab3_usd.pipeline.stage import lint_stage
 
 CLOCK, LIDAR, HELPER = "/World/Clock/clock", "/World/Lidar/helper", "/World/Camera/helper"
-ODOMETRY = "/World/Odometry/odometry"
+ODOMETRY, DRIVE = "/World/Odometry/odometry", "/World/Drive/drive"
 PADDED = ["left_wheel_joint", " right_wheel_joint"]
 BARE = "/World/Rover/chassis/bare"
 SLIPS: dict[str, list[Step]] = {
@@ -151,6 +151,16 @@ def test_what_is_found_elsewhere_after_a_repair_is_not_repaired(tmp_path: Path) 
     lines = lab3("lint", "--fix", path).stdout.splitlines()
     assert [line.split()[2] for line in lines if line.startswith("would repair ")] == ["K01"]
     assert "1 would be repaired" in lines[-2]
+
+
+def test_a_type_gets_its_right_name_whatever_else_is_wrong_with_its_node(tmp_path: Path) -> None:
+    misspelt = {
+        "set": [f"{DRIVE}.node:type", "isaacsim.robot.wheeled_robots.DifferentialControler"]
+    }
+    faults = [{"set": [f"{DRIVE}.inputs:{name}", 0.0]} for name in ("wheelRadius", "wheelDistance")]
+    fixed = fix_linted(saved(tmp_path, [misspelt, *faults]), BASE, FixOptions())
+    assert [finding.rule for finding in fixed.before] == ["K30"]
+    assert [finding.rule for finding in fixed.left] == ["K10", "K10"]
 
 
 def test_what_is_likely_is_repaired_on_demand(tmp_path: Path) -> None:

@@ -201,6 +201,16 @@ def test_a_misspelt_port_is_repaired_in_its_string(tmp_path: Path) -> None:
     assert path.read_text("utf-8") == RIGHT
 
 
+def test_a_name_is_repaired_whatever_else_comes_to_light(tmp_path: Path) -> None:
+    wrong = RIGHT.replace('("Tick.outputs:tick", "Clock.inputs:execIn"),', "").replace(
+        '"clock"', '"a b"'
+    )
+    path = script(tmp_path, wrong.replace("ROS2PublishClock", "ROS2PublishClok"))
+    printed = lab3("fix", "--lint", path, "--in-place")
+    assert path.read_text("utf-8") == wrong
+    assert "1 repaired, 2 left" in printed.stdout
+
+
 def test_types_from_before_are_renamed(tmp_path: Path) -> None:
     old = RIGHT.replace("isaacsim.ros2.bridge", "omni.isaac.ros2_bridge")
     path = script(tmp_path, old)

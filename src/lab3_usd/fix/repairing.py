@@ -14,12 +14,21 @@ from lab3_usd import hooks
 from lab3_usd.check.checker import judge
 from lab3_usd.check.lint import lint
 from lab3_usd.check.registry import Parameters
+from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.rule_runs import RuleResults
 from lab3_usd.errors import StageError
 from lab3_usd.files import FileState, copy_beside, read_state
 from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Repair, Restore, touched
+from lab3_usd.model.changes import (
+    Edit,
+    MovePrim,
+    RemovePrim,
+    Repair,
+    Restore,
+    SetValue,
+    touched,
+)
 from lab3_usd.model.finding import Finding, Site, StageResult, ordered, site_of
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.pipeline.any_stage import AUTO, lint_platform, lint_subject
@@ -398,16 +407,20 @@ def _is_harmless(tried: Attempt, best: Attempt, site: Site) -> bool:
     """Whether no findings are added, and no error elsewhere.
 
     An error there may have been hidden behind the repaired one; elsewhere the repair brought it.
+    Of a node of an unknown type hardly anything is judged: what is found of it once it has its
+    right type was as wrong before.
     """
-    if tried.error or weight(tried.after) > weight(best.after):
+    repairs = [found.fix for found in best.after if found.fix and site_of(found) == site]
+    edits = [edit for repair in repairs for edit in repair.edits]
+    known = {site_of(finding) for finding in best.after}
+    retyped = {e.prim for e in edits if isinstance(e, SetValue) and e.property == TYPE}
+    counted = [f for f in tried.after if f.prim not in retyped or site_of(f) in known]
+    if tried.error or weight(counted) > weight(best.after):
         return False
     sites = {site_of(finding) for finding in best.after if finding.severity == "error"}
-    repaired: set[str] = set()  # the prims that findings are about, and those which are edited
-    for finding in best.after:
-        if site_of(finding) == site:
-            edits = finding.fix.edits if finding.fix else ()
-            repaired.add(finding.prim)
-            repaired.update(edit.to if isinstance(edit, MovePrim) else edit.prim for edit in edits)
+    # The prims that findings are about, and those which are edited.
+    repaired = {finding.prim for finding in best.after if site_of(finding) == site}
+    repaired.update(edit.to if isinstance(edit, MovePrim) else edit.prim for edit in edits)
     for finding in tried.after:
         if finding.severity == "error" and site_of(finding) not in sites:
             paths = (finding.prim, *(related.partition(".")[0] for related in finding.related))
@@ -429,7 +442,7 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
     A file beside the root layer is not the repaired stage: it holds what was judged in memory.
 
     Raises:
-        StageError: no stage can be opened from them, or there is more to find than before.
+        StageError: no stage can be opened from them, or there is more to find than was announced.
         UsageError: nothing can be written there.
     """
     is_whole = {path.resolve() for path in fixed.files} <= {fixed.root.resolve()}
@@ -439,7 +452,7 @@ def check_result(fixed: Fixed, data: bytes, target: Path) -> None:
         else:
             open_stage(copy)
             after = fixed.after
-    if weight(after) > weight(fixed.before):
+    if weight(after) > max(weight(fixed.before), weight(fixed.after)):
         raise StageError(
             f"{target}: the repaired stage would be worse than before; nothing was written"
         )
