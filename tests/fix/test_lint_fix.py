@@ -163,6 +163,17 @@ def test_a_type_gets_its_right_name_whatever_else_is_wrong_with_its_node(tmp_pat
     assert [finding.rule for finding in fixed.left] == ["K10", "K10"]
 
 
+def test_what_comes_to_light_after_a_repair_is_told_when_it_is_repaired(tmp_path: Path) -> None:
+    misspelt = {
+        "set": [f"{DRIVE}.node:type", "isaacsim.robot.wheeled_robots.DifferentialControler"]
+    }
+    fixed = fix_linted(
+        saved(tmp_path, [misspelt, {"disconnect": f"{DRIVE}.inputs:execIn"}]), BASE, FixOptions()
+    )
+    assert [finding.rule for finding in fixed.before] == ["K30"]
+    assert [finding.rule for finding in fixed.repaired] == ["K30", "K01"]
+
+
 def test_what_is_likely_is_repaired_on_demand(tmp_path: Path) -> None:
     path = tmp_path / "carter.usda"
     shutil.copy(REPOSITORY / "docs" / "examples" / "carter.usda", path)

@@ -21,6 +21,8 @@ from lab3_usd.files import FileState, copy_beside, read_state
 from lab3_usd.fix.text_editor import new_bytes
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.changes import (
+    AddGraph,
+    AddNode,
     Edit,
     MovePrim,
     RemovePrim,
@@ -52,12 +54,12 @@ _ROUNDS = 8  # a missing graph needs three: the graph, its connections, what tho
 class Attempt(Struct, frozen=True):
     """The result of some repairs: the remaining findings, and the new bytes of each file.
 
-    `states` are the files as they were read. `error` says why the result cannot be used; '' where
-    it can.
+    `repairs` are those that were made, each with a finding that it repairs. `states` are the files
+    as they were read. `error` says why the result cannot be used; '' where it can.
     """
 
     after: tuple[Finding, ...]
-    repairs: tuple[Repair, ...] = ()
+    repairs: Mapping[Repair, Finding] = {}
     files: dict[Path, bytes] = {}
     states: dict[Path, FileState] = {}
     error: str = ""
@@ -88,14 +90,15 @@ class FixOptions(Struct, frozen=True):
 class Fixed(Struct, frozen=True):
     """The result of a repair: the findings before and after, and the new bytes of each file.
 
-    `states` are the files as they were read, `left_out` says why a repair was not made, and
-    `judge_again` judges the stage in another file as this one was judged.
+    `repairs` are those that were made, each with a finding that it repairs. `states` are the files
+    as they were read, `left_out` says why a repair was not made, and `judge_again` judges the stage
+    in another file as this one was judged.
     """
 
     root: Path
     before: tuple[Finding, ...]
     after: tuple[Finding, ...]
-    repairs: tuple[Repair, ...]
+    repairs: Mapping[Repair, Finding]
     files: dict[Path, bytes]
     states: dict[Path, FileState]
     left_out: dict[Site, str]
@@ -108,7 +111,7 @@ class Fixed(Struct, frozen=True):
 
     @property
     def repaired(self) -> tuple[Finding, ...]:
-        """The errors and warnings that are gone.
+        """The errors and warnings that are gone, with those that came to light after repairs.
 
         What a rule without a repair reports at another place now (the stage has no clock, say) has
         only moved there.
@@ -124,7 +127,20 @@ class Fixed(Struct, frozen=True):
                 moved[finding.rule] -= 1
             else:
                 gone.append(finding)
-        return tuple(gone)
+        added = {
+            edit.prim  # what connects it belongs to the same repair
+            for repair in self.repairs
+            for edit in repair.edits
+            if isinstance(edit, AddNode | AddGraph)
+            or (isinstance(edit, Restore) and edit.property is None)
+        }
+        later = (
+            finding
+            for finding in self.repairs.values()
+            if site_of(finding) not in sites | kept
+            and not any(is_at_or_below(finding.prim, prim) for prim in added)
+        )
+        return (*gone, *later)
 
 
 @quiet()
@@ -247,11 +263,15 @@ def _attempt(
 
     What would end something that the stage does is an error.
     """
-    after, made = before, dict[Repair, None]()
+    after, made = before, dict[Repair, Finding]()
     try:
         for _ in range(_ROUNDS):
-            findings = (finding for finding in after if site_of(finding) not in left_out)
-            repairs = [repair for finding in findings if (repair := _repair_of(finding, options))]
+            findings: dict[Repair, Finding] = {}
+            for finding in after:
+                repair = _repair_of(finding, options)
+                if repair and site_of(finding) not in left_out:
+                    findings.setdefault(repair, finding)
+            repairs = list(findings)
             moves, errors = _moves(repairs), errors_by_prim(after, repairs)
             repairs = [
                 repair
@@ -261,7 +281,7 @@ def _attempt(
             ]
             repairs = compatible(repairs)
             make_edits(session, repairs)
-            made.update(dict.fromkeys(repairs))
+            made.update((repair, findings[repair]) for repair in repairs if repair not in made)
             before_edits, after = after, findings_now() if repairs else after
             if after == before_edits:
                 break
@@ -273,7 +293,7 @@ def _attempt(
         states = {path: root if path == root_path else read_state(path) for path in edited}
         files = {path: new_bytes(layer, states[path].content) for path, layer in edited.items()}
         changed = {path: data for path, data in files.items() if states[path].content != data}
-        return Attempt(after, tuple(made), changed, states)
+        return Attempt(after, made, changed, states)
     except StageError as error:
         return Attempt(before, error=str(error))
     finally:

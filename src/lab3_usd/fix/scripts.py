@@ -48,7 +48,7 @@ def fix_script(path: Path, release: str, options: FixOptions) -> Fixed:
         if sum(_repair(lines, finding, *names) for names in ways) == 0:
             left_out[site_of(finding)] = _NOT_ONE
     data = "".join(lines).encode(encoding)
-    repairs = tuple(f.fix for f in wanted if f.fix is not None and site_of(f) not in left_out)
+    repairs = {f.fix: f for f in wanted if f.fix is not None and site_of(f) not in left_out}
     return Fixed(
         root=path,
         before=before,
