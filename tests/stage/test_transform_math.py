@@ -14,6 +14,7 @@ from lab3_usd.model.transforms import (
     IDENTITY,
     Vector,
     angle_between,
+    angles_from_z,
     camera_axes,
     decompose,
     euler_angles,
@@ -51,6 +52,16 @@ def test_a_matrix_comes_apart_into_what_made_it(place: Vector, turn: Vector, siz
     assert rotation_difference(pose.rotation, rotation_from_euler(turn)) == pytest.approx(
         0, abs=1e-6
     )
+
+
+@given(TURNS)
+def test_angles_from_z_are_those_of_the_operation_that_turns_about_z_first(turn: Vector) -> None:
+    rotation = rotation_from_euler(turn)
+    stage = Usd.Stage.CreateInMemory()
+    xform = UsdGeom.Xform.Define(stage, "/prim")
+    xform.AddRotateZYXOp(UsdGeom.XformOp.PrecisionDouble).Set(Gf.Vec3d(*angles_from_z(rotation)))
+    made = decompose(tuple(number for row in xform.GetLocalTransformation() for number in row))
+    assert rotation_difference(made.rotation, rotation) == pytest.approx(0, abs=1e-6)
 
 
 def there_and_back(turn: Vector) -> float:

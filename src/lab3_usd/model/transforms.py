@@ -117,6 +117,16 @@ def euler_angles(rotation: Rotation) -> Vector:
     return (math.degrees(about_x), math.degrees(about_y), math.degrees(about_z))
 
 
+def angles_from_z(rotation: Rotation) -> Vector:
+    """Return degrees about X, Y and Z that give this rotation where Z turns first, then Y, then X.
+
+    The rotation back turns by the same angles the other way, and about X first.
+    """
+    (a, b, c), (d, e, f), (g, h, i) = rotation
+    x, y, z = euler_angles(((a, d, g), (b, e, h), (c, f, i)))
+    return -x, -y, -z
+
+
 def rotation_difference(first: Rotation, second: Rotation) -> float:
     """Return the angle in degrees by which two rotations differ.
 

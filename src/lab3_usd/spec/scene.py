@@ -305,10 +305,10 @@ class ViewSpec(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 class SlipSpec(ViewSpec, frozen=True, forbid_unknown_fields=True):
-    """A view that reveals a certain mistake."""
+    """A view that reveals a certain mistake; the hint is the usual one unless another is given."""
 
     message: str
-    hint: str
+    hint: str = ""
 
 
 class KeptValue(Struct, frozen=True, forbid_unknown_fields=True):

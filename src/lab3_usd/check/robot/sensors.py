@@ -13,8 +13,10 @@ from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import (
     IDENTITY,
     angle_between,
+    angles_from_z,
     camera_axes,
     relative_transform,
+    rotation_from_euler,
     vector_text,
 )
 from lab3_usd.spec.lab import Lab
@@ -258,14 +260,20 @@ def _misfits(
 
 def _wrong_view(spec: SensorSpec, prim: Prim, seen: ViewSpec, expected: ViewSpec) -> View:
     message = f"camera looks along {vector_text(seen.along)} of its link, up {vector_text(seen.up)}"
+    site = pose_property(prim, "rotate")
     x, y, z = (f"{angle:g}" for angle in spec.pose.rotate)
     hint = f"set the rotation to X = {x}, Y = {y}, Z = {z} (rotateXYZ)"
+    if site.startswith("xformOp:orient"):
+        typed = vector_text(angles_from_z(rotation_from_euler(spec.pose.rotate)))
+        hint = (
+            f"in the Property panel, type {typed} into the Orient field, which turns about Z first"
+        )
     for slip in spec.slips:
         # A slip is recognised within a degree: the numbers were typed, not measured.
         if _is_same(seen, slip, 1.0):
-            message, hint = slip.message, slip.hint
+            message, hint = slip.message, slip.hint or hint
     return View(
-        pose_property(prim, "rotate"),
+        site,
         message,
         f"along {vector_text(expected.along)}, up {vector_text(expected.up)}",
         f"along {vector_text(seen.along)}, up {vector_text(seen.up)}",
