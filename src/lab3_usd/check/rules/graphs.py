@@ -12,7 +12,7 @@ from lab3_usd.check.registry import rule
 from lab3_usd.model.changes import Activate, AddGraph, Edit, MovePrim, RemovePrim, SetType, SetValue
 from lab3_usd.model.finding import Place, Problem, Severity, display
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import GraphModel
+from lab3_usd.model.stage import GraphModel, absence_reason
 
 _ANOTHER = "another graph"
 
@@ -47,10 +47,21 @@ def missing_graph(subject: GraphSubject) -> Iterator[Problem]:
         message=f"graph {spec.name} is missing{_why_missing(subject)}",
         expected=spec.path,
         handout=spec.handout,
-        hint=f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows",
+        hint=_way_to_have(subject),
         fix=tuple(_restoring_edits(subject)),
         assumes=(_missing_at(subject),),
     )
+
+
+def _way_to_have(subject: GraphSubject) -> str:
+    """Return how to repair a missing graph: one that is in the file already is not made again."""
+    spec = subject.spec
+    prim = subject.stage.prims.get(spec.path)
+    if prim is None or _inactive(subject) is None:
+        return f"make the graph {spec.name} at {spec.path} as section {spec.handout} shows"
+    if not prim.active:
+        return f"right-click {spec.path} in the Stage panel and choose Activate"
+    return f"write def instead of over for {spec.path} in the file"
 
 
 def _missing_at(subject: GraphSubject) -> Place:
@@ -94,7 +105,7 @@ def _why_missing(subject: GraphSubject) -> str:
     if prim is not None and prim.active and not prim.defined and missing is not None:
         return f": only an over is here, and {missing.asset} below it cannot be found"
     if _inactive(subject) is not None:
-        return ": the one at its path is deactivated, or only an over without a def"
+        return f": the one at its path {absence_reason(stage, path)}"
     if prim is not None:
         return f": the prim at its path is {prim.type or 'of no type'}, not an Action Graph"
     return f": {instance} is an instance, below which nothing can be added" if instance else ""
