@@ -201,6 +201,13 @@ def test_a_misspelt_port_is_repaired_in_its_string(tmp_path: Path) -> None:
     assert path.read_text("utf-8") == RIGHT
 
 
+def test_ports_to_choose_from_are_named_where_none_is_like_the_one_written(tmp_path: Path) -> None:
+    printed = lab3("lint", script(tmp_path, RIGHT.replace("inputs:topicName", "inputs:way")))
+    assert "write one of inputs:" in printed.stdout
+    near = lab3("lint", script(tmp_path, RIGHT.replace("inputs:topicName", "inputs:topicNames")))
+    assert "write one of" not in near.stdout
+
+
 def test_a_name_is_repaired_whatever_else_comes_to_light(tmp_path: Path) -> None:
     wrong = RIGHT.replace('("Tick.outputs:tick", "Clock.inputs:execIn"),', "").replace(
         '"clock"', '"a b"'

@@ -59,6 +59,7 @@ def value_at_unknown_port(subject: LintSubject) -> Iterator[Problem]:
         if (node.path, name) in build.quiet:
             continue
         near = meant_port(name, kind, is_source=False)
+        ports = ", ".join(known for known, port in kind.ports.items() if not port.is_source)
         releases = subject.platform.releases_with(kind.type, name)
         gone = f"; Isaac Sim {', '.join(releases)} has it" if releases else ""
         what = "is set, and" if ":" in name else "is set without inputs: before it, and"
@@ -70,6 +71,7 @@ def value_at_unknown_port(subject: LintSubject) -> Iterator[Problem]:
             expected=near,
             actual=name,
             severity="warning" if kind.is_documented else None,
+            hint=None if near else f"write one of {ports}, or leave the line out",
             fix=_renaming(node, name, near),
         )
 
