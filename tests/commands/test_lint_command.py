@@ -121,6 +121,7 @@ def test_several_processes_find_the_same(broken: Path) -> None:
         (["{stage}", "--isaac", "4.0"], "known are 2022.2, 2023.1, 4.2"),
         (["{stage}", "--format", "htm"], "there is no format 'htm'; did you mean 'html'?"),
         (["{stage}", "--select", "Y99"], "there is no rule or family"),
+        (["{stage}", "--select", "K1"], "did you mean 'K01'?"),
         (["{stage}", "-o", "{stage}"], "name another file"),
         (["{folder}/empty"], "holds no stage"),
     ],

@@ -372,6 +372,11 @@ def rule_names() -> dict[str, str]:
     return {**former, **{rule.name: rule.id for rule in rules}}
 
 
+def padded_id(written: str) -> str:
+    """Return an id with two digits where one is written: K01 for K1."""
+    return f"{written[:1]}{written[1:].zfill(2)}"
+
+
 def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
     """Return ids of rules and letters of families; names of rules count as their ids.
 
@@ -390,6 +395,8 @@ def check_rule_names(names: Iterable[str], where: str = "") -> tuple[str, ...]:
             names = [*all_rules(), *rule_names()]
             written = name.lower() if name.islower() else upper
             hint = guess(written, names, f"{program()} rules lists them")
+            if (padded := padded_id(upper)) in all_rules():
+                hint = f"did you mean '{padded}'?"
             raise UsageError(f"{place}there is no rule or family '{upper}'; {hint}")
         ids.append(rule_id)
     return tuple(ids)

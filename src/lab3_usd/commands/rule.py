@@ -8,7 +8,7 @@ from collections.abc import Iterator, Mapping
 import click
 
 from lab3_usd.check.manual import rules_in
-from lab3_usd.check.registry import Rule, families, twins
+from lab3_usd.check.registry import Rule, families, padded_id, twins
 from lab3_usd.commands.rules import first_sentence, rule_lines
 from lab3_usd.commands.shared.configuration import own_rules_option, use_own_rules
 from lab3_usd.commands.shared.options import complete_rules, width
@@ -89,7 +89,8 @@ def find_rule(wanted: str, rules: Mapping[str, Rule]) -> Rule:
     rule = rules.get(wanted.upper()) or by_name.get(name) or former.get(name)
     if rule:
         return rule
-    close = [rule_id for rule_id in rules if rule_id.startswith(wanted.upper())][:SUGGESTED]
+    ids = [padded_id(wanted.upper()), *(each for each in rules if each.startswith(wanted.upper()))]
+    close = [rule_id for rule_id in ids if rule_id in rules][:SUGGESTED]
     close = close or difflib.get_close_matches(wanted.upper(), rules, SUGGESTED, cutoff=0.5)
     close += [by_name[name].id for name in difflib.get_close_matches(name, by_name)]
     hint = f"{program()} rules lists all"
