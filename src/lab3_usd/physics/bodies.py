@@ -162,28 +162,33 @@ def _carrying(root: str, ends: dict[str, list[Joint]]) -> str:
 
 
 def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint]]) -> Machine:
-    rest, waiting, held = {base: HERE}, deque([base]), False
+    rest, held = {base: HERE}, False
+    # What is excluded from the articulation closes what the others tie (PhysX).
+    waiting, excluded = deque((base, joint) for joint in ends[base]), deque[tuple[str, Joint]]()
     parents: dict[str, Joint] = {}
     moving: dict[str, Joint] = {}
     closing: list[Joint] = []
     kinematic = ""
-    while waiting:
-        body = waiting.popleft()
-        for joint in ends[body]:
-            number = joint.bodies.index(body)
-            neighbour = joint.bodies[1 - number]
-            held = held or not neighbour
-            kinematic = kinematic or joint.kinematic
-            if not neighbour or neighbour in rest:
-                tree = (parents.get(body), parents.get(neighbour))
-                closing += [joint] if joint.kind == FIXED and joint not in tree else []
-                continue
-            outer, inner = joint.frames[number], joint.frames[1 - number]
-            rest[neighbour] = rest[body].then(outer).then(inner.inverse())
-            parents[neighbour] = joint
-            waiting.append(neighbour)
-            if joint.kind != FIXED:
-                moving[joint.name] = joint
+    while waiting or excluded:
+        is_last = not waiting
+        body, joint = excluded.popleft() if is_last else waiting.popleft()
+        if joint.excluded and not is_last:
+            excluded.append((body, joint))
+            continue
+        number = joint.bodies.index(body)
+        neighbour = joint.bodies[1 - number]
+        held = held or not neighbour
+        kinematic = kinematic or joint.kinematic
+        if not neighbour or neighbour in rest:
+            tree = (parents.get(body), parents.get(neighbour))
+            closing += [joint] if joint.kind == FIXED and joint not in tree else []
+            continue
+        outer, inner = joint.frames[number], joint.frames[1 - number]
+        rest[neighbour] = rest[body].then(outer).then(inner.inverse())
+        parents[neighbour] = joint
+        waiting += ((neighbour, each) for each in ends[neighbour])
+        if joint.kind != FIXED:
+            moving[joint.name] = joint
     machine = Machine(base, bodies[base].world.rigid(), rest, parents, moving, held, kinematic)
     machine.know(next((body for body in rest if ROOT in bodies[body].apis), base))
     for joint in closing:  # which holds its bodies together, so that none between them moves
