@@ -13,7 +13,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdShade
 from lab3_usd.errors import SpecError
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.load.loader import load_lab
-from lab3_usd.spec.props import PlaceSpec
+from lab3_usd.spec.props import PlaceSpec, PropSpec
 
 HALL = """#usda 1.0
 (
@@ -340,6 +340,43 @@ def test_a_new_lab_describes_what_its_stages_add_and_change(course: Path, tmp_pa
     assert props["crate"].until["2"].place == PlaceSpec(2.0, 0.0, -1.0)
     assert props["steel"].connections == {"outputs:surface": (f"{SURFACE}.outputs:surface",)}
     assert props["surface"].values["inputs:roughness"] == 0.3
+
+
+def furnished(folder: Path, turns: tuple[float, float]) -> str:
+    """Write a hall and, after it, one with two lamps and a post; return the second's things."""
+    names = [folder / f"hall_{number}.usda" for number in (1, 2)]
+    for path in names:
+        path.write_text(HALL)
+    stage = Usd.Stage.Open(str(names[1]))
+    for number, turn in enumerate(turns):
+        lamp = UsdGeom.Xformable(stage.DefinePrim(f"/Hall/Lamp_{number}", "RectLight"))
+        lamp.AddTranslateOp().Set((100 * number, 300, 0))
+        lamp.AddRotateXOp().Set(turn)
+    post = UsdGeom.Xformable(stage.DefinePrim(POST, "Cube"))
+    post.AddOrientOp().Set(Gf.Quatf(0, 0, 1, 0))
+    stage.Save()
+    return invoke("lab", "new", folder / "lab", *names).output
+
+
+def described(folder: Path, path: str) -> PropSpec:
+    props = load_lab(folder / "lab").scene.props.values()
+    return next(prop for prop in props if prop.path == path)
+
+
+def test_turns_are_described_and_sections_are_of_the_milestone(tmp_path: Path) -> None:
+    said = furnished(tmp_path, (-90, -90))
+    assert "left out: scene.yaml: props: places of /Hall/Lamp_*\n" in said
+    lamps, post = described(tmp_path, "/Hall/Lamp_*"), described(tmp_path, POST)
+    assert list(lamps.values["xformOp:rotateXYZ"]) == [-90, 0, 0]
+    assert [abs(each) for each in post.values["xformOp:rotateXYZ"]] == [180, 0, 180]
+    assert (lamps.handout, post.handout) == ("B1", "B1")
+    assert said.count("pass, ") == 2
+
+
+def test_turns_that_differ_in_a_group_are_said_to_be_left_out(tmp_path: Path) -> None:
+    said = furnished(tmp_path, (-90, 0))
+    assert "left out: scene.yaml: props: places and turns of /Hall/Lamp_*\n" in said
+    assert "xformOp:rotateXYZ" not in described(tmp_path, "/Hall/Lamp_*").values
 
 
 REFUSED = {

@@ -8,12 +8,13 @@ from typing import Any
 
 from msgspec import Struct
 
+from lab3_usd.model.physics import vector
 from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import same_value
-from lab3_usd.new_lab.robot import PART
+from lab3_usd.new_lab.checkpoints import part_letter
 from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.lab import SCENE
-from lab3_usd.stage.things import Thing
+from lab3_usd.stage.things import TURN, Thing
 
 _PLAIN = ("", "Xform", "Scope")
 _ABOVE = re.compile(r"^(\.{0,2}/)+")  # of a path, which is not the same for everybody
@@ -59,7 +60,8 @@ def describe_props(
     paths = {path for things in stages.values() for path in things}
     described_paths = {path for path, _ in described}
     holders = {above for path in described_paths for above in upwards(path)} & paths
-    data = _named(_grouped(described, paths), first=ids[0])
+    grouped = _grouped(described, paths, left_out)
+    data = _named(grouped, ids)
     return Props(data, tuple(described_paths | holders), tuple(dict.fromkeys(left_out)))
 
 
@@ -81,6 +83,10 @@ def _state(thing: Thing) -> dict[str, Any]:
     }
     apis = {api: True for api in thing.apis if api != _BINDING_API}
     place = None if thing.place is None or _BODY in apis or is_plain else thing.place
+    turn = vector(thing.values[TURN][1]) if TURN in thing.values else ()
+    values.pop(TURN, None)
+    if turn and place is not None:  # before the scale, as operations of a pose are in order
+        values = {TURN: [as_typed(round(angle, _DIGITS) + 0.0) for angle in turn], **values}
     asset = _ABOVE.sub("", next(iter(thing.assets), ""))
     state = {
         "apis": apis,
@@ -191,11 +197,13 @@ def _same(first: Any, second: Any) -> bool:
 
 
 def _grouped(
-    described: Mapping[tuple[str, str], dict[str, Any]], paths: Collection[str]
+    described: Mapping[tuple[str, str], dict[str, Any]],
+    paths: Collection[str],
+    left_out: list[str],
 ) -> dict[tuple[str, str], dict[str, Any]]:
     """Return equal things whose names differ by their numbers as one with a `*` and a count.
 
-    Where one stands is not told of several.
+    Where one stands is not told of several, nor how they are turned unless all are alike.
     """
     whole: dict[str, dict[str, Any]] = {}  # of each path, by checkpoint
     for (path, since), data in described.items():
@@ -221,7 +229,12 @@ def _grouped(
         data = dict(described[members[0], since])
         if members[1:]:
             counted = {"count": len(members)} if "type" in data else {}
-            data = {**_of_group(data), **counted}
+            owns = [_without(described[path, since], _PLACE) for path in members]
+            is_alike = all(own == owns[0] for own in owns)
+            if any("place" in described[path, since] for path in members):
+                what = "places" if is_alike else "places and turns"
+                left_out.append(f"{SCENE}: props: {what} of {pattern}")
+            data = {**(owns[0] if is_alike else _of_group(data)), **counted}
         grouped[pattern, since] = data
     return grouped
 
@@ -234,27 +247,39 @@ def _levels(paths: Collection[str]) -> list[list[str]]:
     return [sorted(depths[depth]) for depth in sorted(depths)]
 
 
+_PLACE = ("place", "")  # key and name of a part
+
+
 def _of_group(data: Mapping[str, Any]) -> dict[str, Any]:
-    kept = {key: value for key, value in data.items() if key != "place"}
+    return _without(_without(data, _PLACE), ("set", TURN))
+
+
+def _without(data: Mapping[str, Any], part: tuple[str, str]) -> dict[str, Any]:
+    """Return a thing without a part, whole or one of its names, at no checkpoint."""
+    key, name = part
+    kept = {k: v for k, v in data.items() if k != key}
+    own = {n: v for n, v in data.get(key, {}).items() if name and n != name}
+    if own:
+        kept = {k: own if k == key else v for k, v in data.items()}
     until = {
         id_: values
         for id_, each in kept.pop("until", {}).items()
-        if (values := {key: value for key, value in each.items() if key != "place"})
+        if (values := _without(each, part))
     }
     return {**kept, **({"until": until} if until else {})}
 
 
 def _named(
-    things: Mapping[tuple[str, str], dict[str, Any]], first: str
+    things: Mapping[tuple[str, str], dict[str, Any]], ids: Sequence[str]
 ) -> dict[str, dict[str, Any]]:
-    """Return the things by names of their own, with their paths."""
+    """Return the things by names of their own, with paths and parts of their checkpoints."""
     named: dict[str, dict[str, Any]] = {}
     for (path, since), data in things.items():
         words = [_words(part) for part in path.split("/")[1:]]
-        later = "" if "type" in data or since == first else f" at {since}"
+        later = "" if "type" in data or since == ids[0] else f" at {since}"
         names = [" ".join(words[start:]) + later for start in reversed(range(len(words)))]
         name = next((name for name in names if name not in named), path + later)
-        named[name] = {"path": path, **data, "handout": PART}
+        named[name] = {"path": path, **data, "handout": f"{part_letter(ids.index(since))}1"}
     return named
 
 

@@ -11,14 +11,21 @@ from msgspec import Struct
 from pxr import Sdf, Usd
 
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.transforms import Vector
+from lab3_usd.model.transforms import (
+    AXES,
+    Vector,
+    decompose,
+    euler_angles,
+    rotation_difference,
+)
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.prim_transforms import ORDER, TransformCache
 from lab3_usd.stage.read.properties import CENTIMETRES, plain_value, stage_number
 from lab3_usd.stage.schema_names import known_type
 
 _MOST = 16  # numbers of a value: the points of a mesh are nothing that a person asks for
-_SCALE = "xformOp:scale"
+_SCALE, TURN = "xformOp:scale", "xformOp:rotateXYZ"
+_LEAST_TURN = 0.01  # degrees
 _UNSAID = ("xformOp*", "extent", "extentsHint", "primvars:st*", "normals", "points", "faceVertex*")
 _UNSAID_TYPES = ("matrix", "quat", "timecode", "opaque", "group")
 
@@ -26,7 +33,8 @@ _UNSAID_TYPES = ("matrix", "quat", "timecode", "opaque", "group")
 class Thing(Struct, frozen=True):
     """What the layers of a stage say of a prim: `type` is '' where an asset defines it.
 
-    `values` hold beside a value its type, '' where USD knows it. `place` is the origin in the world
+    `values` hold beside a value its type, '' where USD knows it; a turn is about X, Y and Z,
+    however it is written. `place` is the origin in the world
     in metres, None for a prim that is not placed itself. `assets` are those that it refers to,
     which are all there if they are `resolved`.
     """
@@ -89,7 +97,7 @@ class _Reader:
         return Thing(
             type=str(prim.GetTypeName()) if is_defined else "",
             apis=tuple(prim.GetPrimTypeInfo().GetAppliedAPISchemas()) if is_defined else (),
-            values=dict(self._values(prim)),
+            values={**dict(self._values(prim)), **(self._turn(prim) if is_placed else {})},
             targets=dict(self._targets(prim)),
             variants={name: choice for each in chosen for name, choice in each.items() if choice},
             place=(x * metres, y * metres, z * metres) if is_placed else None,
@@ -99,6 +107,13 @@ class _Reader:
                 for layer, name in _assets(own)
             ),
         )
+
+    def _turn(self, prim: Usd.Prim) -> dict[str, tuple[str, Value]]:
+        """Return by how much a prim is turned in its parent, nothing where it is not."""
+        local, _ = self._transforms.of(prim, str(prim.GetPath()))
+        rotation = AXES if local is None else decompose(local).rotation
+        is_turned = rotation_difference(rotation, AXES) > _LEAST_TURN
+        return {TURN: ("", euler_angles(rotation))} if is_turned else {}
 
     def _said(self, properties: list[Any]) -> Iterator[Any]:
         for each in properties:
