@@ -16,6 +16,7 @@ from other_labs import OWN, OWN_WIRES, files_below, write_stage
 from places import REPOSITORY, SHARED, TESTS
 from pxr import Sdf, Usd
 
+from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.errors import Lab3Error
 from lab3_usd.features.new_lab.lab import chosen_stages
 from lab3_usd.grade.lab_schemas import schema_texts, with_schema
@@ -520,3 +521,12 @@ def test_stages_of_a_folder_come_in_the_order_of_their_numbers(tmp_path: Path) -
     assert [path.name for path in chosen_stages([tmp_path / "w*.usda"])] == ordered[1:]
     named = [tmp_path / "w10_b.usda", tmp_path / "w2_a.usda"]
     assert [*chosen_stages(named)] == named
+
+
+def test_a_sensor_that_is_called_as_a_graph_is_scored_apart(pair: tuple[Lab, Lab]) -> None:
+    lab, _ = pair
+    sensor = next(iter(lab.sensors))
+    group = sensor_group(lab, sensor)
+    graph = next(iter(lab.graphs.values()))
+    assert group not in (*lab.graphs, sensor)
+    assert sensor_group(replace(lab, graphs={**lab.graphs, group: graph}), sensor) == sensor

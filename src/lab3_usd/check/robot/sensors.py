@@ -287,7 +287,7 @@ def _is_same(view: ViewSpec, expected: ViewSpec, limit: float) -> bool:
 
 
 def sensor_group(lab: Lab, sensor: str) -> str:
-    """Return the name of a sensor's prim; the sensor's own where several prims have that name."""
+    """Return the name of a sensor's prim; the sensor's own where another or a graph has that."""
     names = [spec.name for spec in lab.sensors.values()]
     name = lab.sensors[sensor].name
-    return name if names.count(name) == 1 else sensor
+    return name if names.count(name) == 1 and name not in lab.graphs else sensor
