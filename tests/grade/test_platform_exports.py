@@ -444,6 +444,20 @@ def test_a_status_that_is_no_grade_is_named_and_left_to_a_person(
     )
 
 
+@pytest.mark.parametrize("words", ["adjusted by hand: mailed (+10 points)", "remark: mail it"])
+def test_points_by_hand_are_filled_in_where_nothing_was_judged(words: str, tmp_path: Path) -> None:
+    book = class_of(tmp_path, {"doejane_5_900_a.zip": 10})
+    lost = {"item": "drive", "requirement": "", "title": words, "points": -10.0}
+    row = '"Doe, Jane",5,,jdoe,A,'
+    for place in ({"because": [words]}, {"lost": [lost]}):
+        book["students"][0] |= {"status": "empty", "because": [], "lost": [], **place}
+        found = export(tmp_path, "canvas", f"{CANVAS}{row}\n", book)
+        is_given = words.startswith("adjusted")
+        assert found.data.decode() == f"{CANVAS}{row}{'10.00' if is_given else ''}\n"
+        assert found.decisions[0].outcome == ("filled" if is_given else "for a person")
+        assert (found.decisions[0].why == "empty: points by hand") is is_given
+
+
 def test_a_remark_goes_into_an_empty_field_and_is_no_formula(tmp_path: Path) -> None:
     # feedback/offline/importgradeslib.php: the comments are those of an editor
     book = class_of(tmp_path, {f"A_{n}_assignsubmission_file/": 80 for n in (5, 6)})

@@ -210,19 +210,22 @@ def _decision(
     if submission is None:
         return Decision("without a submission", row.label, before=before)
     called = _called(submission)
-    if submission.status != "graded" or submission.crashes:
+    remark = match.remark
+    if submission.has_points_by_hand:
+        remark = "; ".join(filter(None, (f"{submission.status}: points by hand", remark)))
+    elif submission.status != "graded" or submission.crashes:
         failed = f"a rule failed ({', '.join(submission.crashes)})" if submission.crashes else ""
         why = ": ".join(filter(None, (submission.status, submission.reason or failed)))
         return Decision("for a person", row.label, called, before, why=why)
     points = f"{submission.earned * factor:.2f}"
     pending = before.casefold().startswith(PLATFORMS[roster.platform].pending or ("\0",))
     if before not in _EMPTY and number_in(before) is None and not pending:
-        return Decision("kept", row.label, called, before, why=match.remark)
+        return Decision("kept", row.label, called, before, why=remark)
     if number_in(before) == float(points):
-        return Decision("unchanged", row.label, called, before, why=match.remark)
+        return Decision("unchanged", row.label, called, before, why=remark)
     after = points.replace(".", ",") if roster.decimal_comma else points
     outcome: Outcome = "filled" if before in _EMPTY or pending else "changed"
-    return Decision(outcome, row.label, called, before, after, match.remark)
+    return Decision(outcome, row.label, called, before, after, remark)
 
 
 def _called(submission: GradedSubmission) -> str:

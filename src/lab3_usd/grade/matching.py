@@ -25,6 +25,8 @@ from lab3_usd.grade.intake.people import (
     name_keys,
 )
 from lab3_usd.grade.rosters import Roster, RosterRow
+from lab3_usd.grade.scoring import Deduction
+from lab3_usd.model.grade import ADJUSTED
 
 _WITH_NAME = (MOODLE_NUMBER, STUDENT_ID)  # kinds that count only where the name agrees
 _WHAT_FOLDERS_ARE_CALLED = (LOGIN, ADDRESS, BLACKBOARD_USER)
@@ -46,6 +48,14 @@ class GradedSubmission(Struct, frozen=True):
     people: tuple[Person, ...]
     may_be: tuple[Person, ...]
     crashes: tuple[str, ...] = ()
+    lost: tuple[Deduction, ...] = ()
+
+    @property
+    def has_points_by_hand(self) -> bool:
+        """Whether a grader gave points to what could not be judged, which has no others."""
+        words = (*self.because, *(line.title for line in self.lost))
+        is_judged = self.status == "graded" or bool(self.crashes)
+        return not is_judged and any(text.startswith(ADJUSTED) for text in words)
 
 
 class Claim(Struct, frozen=True):
