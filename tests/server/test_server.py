@@ -26,6 +26,7 @@ class Editor(LanguageClient):
     def __init__(self, path: Path) -> None:
         super().__init__("editor", "1")
         self.uri = path.as_uri()
+        self.status: int | None = None  # with which the server ended
         self.published: asyncio.Queue[types.PublishDiagnosticsParams] = asyncio.Queue()
 
         @self.feature(types.TEXT_DOCUMENT_PUBLISH_DIAGNOSTICS)
@@ -35,6 +36,9 @@ class Editor(LanguageClient):
         @self.feature(types.WINDOW_LOG_MESSAGE)
         def log(params: types.LogMessageParams) -> None:
             del params
+
+    async def server_exit(self, server: asyncio.subprocess.Process) -> None:
+        self.status = server.returncode
 
     async def diagnostics(self) -> list[types.Diagnostic]:
         """Wait for the next findings."""
@@ -58,7 +62,7 @@ class Editor(LanguageClient):
 
 
 def asked(path: Path, question: Callable[[Editor], Awaitable[_T]], *options: str) -> _T:
-    """Start the server, initialize it, ask it something, and end it."""
+    """Start the server, initialize it, ask it something, and end it without an error."""
 
     async def ask() -> _T:
         editor = Editor(path)
@@ -69,11 +73,13 @@ def asked(path: Path, question: Callable[[Editor], Awaitable[_T]], *options: str
         )
         editor.initialized(types.InitializedParams())
         try:
-            return await question(editor)
+            answer = await question(editor)
         finally:
             await editor.shutdown_async(None)
             editor.exit(None)
             await editor.stop()
+        assert editor.status == 0
+        return answer
 
     return asyncio.run(ask())
 

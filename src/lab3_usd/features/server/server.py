@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import sys
+
 import click
 
 from lab3_usd.commands.shared.options import complete_releases
@@ -37,4 +39,6 @@ def command(release: str) -> None:
         ) from error
     from lab3_usd.report.options import tool_version
 
-    make_server(tool_version(), release).start_io()
+    # The server closes what it writes to when the editor is done; the program's own stays open.
+    with open(sys.stdout.fileno(), "wb", closefd=False) as output:
+        make_server(tool_version(), release).start_io(stdout=output)
