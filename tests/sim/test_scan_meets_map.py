@@ -23,6 +23,7 @@ from lab3_usd.sim.execution.drive import Leg, Session, drive_of
 from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan, Transform
 from lab3_usd.sim.judge.expectations import Trial, in_root
 from lab3_usd.sim.judge.localization import fit, on_map
+from lab3_usd.sim.judge.sensors import scan
 
 YAML = "turtlebot3_map.yaml"
 AHEAD = "0.15,0,0.3"  # how far it drives is of no importance
@@ -175,6 +176,22 @@ def test_another_room_than_that_of_the_lab_s_map_is_not_judged(tmp_path: Path) -
     path = saved(stage, tmp_path)
     assert map_check(path) == ("not judged", "scan-off-map")
     assert map_check(path, data_folder("maps")) == ("bad", "scan-off-map")
+
+
+def test_walls_that_only_the_map_has_show_where_the_map_is_given(tmp_path: Path) -> None:
+    stage = correct_stage("07")
+    stage.GetPrimAtPath("/Environment/Walls").SetActive(active=False)
+    path = saved(stage, tmp_path)
+    assert map_check(path) == ("not judged", "scan-off-map")
+    assert map_check(path, data_folder("maps")) == ("bad", "scan-off-map")
+
+
+def test_a_lidar_without_anything_around_it_is_not_judged() -> None:
+    stage = correct_stage("05")
+    stage.GetPrimAtPath("/Environment/Walls").SetActive(active=False)
+    stage.GetPrimAtPath("/Environment/Furniture").SetActive(active=False)
+    (fault,) = scan(driven(stage, drive_of(AHEAD, EXPECTED.limits)))
+    assert (fault.kind, fault.sure) == ("no-ray-returns", False)
 
 
 def test_the_map_beside_the_stage_is_that_of_its_submission(tmp_path: Path) -> None:

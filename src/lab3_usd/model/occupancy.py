@@ -63,6 +63,7 @@ class MapFit(Struct, frozen=True):
     """How well a scan fits a map.
 
     Of `count` points the share `near` lies at a wall, and the share `through` has a wall before it.
+    The share `unmet` of all rays returns nothing, although the map has a wall in their range.
     The share `shifted` would lie at one if the map were moved by `shift`. `ends` are points of the
     scan in the map's frame, each with whether it lies at a wall. What is not `sure` may be the map
     of another room.
@@ -75,6 +76,7 @@ class MapFit(Struct, frozen=True):
     ends: tuple[tuple[float, float, bool], ...]
     shift: tuple[float, float] | None = None
     shifted: float = 0.0
+    unmet: float = 0.0
     sure: bool = True
 
     @property

@@ -33,7 +33,7 @@ PASSED = {
     "tree": "TF is one tree, with one parent and one publisher for each frame",
     "moving frames": "TF moves the base as odometry does",
     "mounted": "lidar and camera move with the robot",
-    "scan": "scans come at their rate and show the walls where they are",
+    "scan": "scans come at their rate and show what stands around the lidar",
     "map": "the scan agrees with the walls of the map",
     "camera": "image and info belong together, in the frame of a camera that looks where it should",
     "again": "drives again after Stop and Play, with any ROS_DOMAIN_ID",

@@ -52,9 +52,15 @@ def fit(trial: Trial) -> MapFit | None:
     if trial.map is None or not rays:
         return None
     near = trial.map.walls_within(trial.tolerance.cells)
-    fits = [_fit(rays, trial.map, near, located) for located in trial.located]
-    if not fits or any(_is_met(map_fit, trial) for map_fit in fits):
-        return max(fits, key=lambda map_fit: map_fit.near - map_fit.through, default=None)
+    fits = [
+        replace(_fit(rays, trial.map, near, located), unmet=_unmet(trial, trial.map, located))
+        for located in trial.located
+    ]
+    lying = [map_fit for map_fit in fits if _lies_at_walls(map_fit, trial)]
+    if lying or not fits:
+        best = max(lying, key=lambda map_fit: map_fit.near - map_fit.through, default=None)
+        is_met = best is None or _is_met(best, trial)
+        return best if best is None or is_met else replace(best, sure=trial.map.given)
     pairs = list(zip(fits, trial.located, strict=True))
     inside = [pair for pair in pairs if _is_of_the_room(trial, trial.map, pair[1])]
     sure = trial.map.given or bool(inside)
@@ -67,9 +73,39 @@ def fit(trial: Trial) -> MapFit | None:
     )
 
 
-def _is_met(map_fit: MapFit, trial: Trial) -> bool:
+def _lies_at_walls(map_fit: MapFit, trial: Trial) -> bool:
     met = trial.tolerance.met
     return map_fit.near >= met and map_fit.through <= 1.0 - met
+
+
+def _is_met(map_fit: MapFit, trial: Trial) -> bool:
+    return _lies_at_walls(map_fit, trial) and map_fit.unmet <= 1.0 - trial.tolerance.met
+
+
+def _unmet(trial: Trial, grid: OccupancyMap, located: Located) -> float:
+    """Return the part of a dry run's last scan that misses walls which the map has in range."""
+    if trial.walls is None or not located:  # rays of a real lidar are lost at glass, and black
+        return 0.0
+    messages = trial.recording.topic(trial.wanted.scan, 0)
+    scans = (message for message in reversed(messages) if isinstance(message.data, Scan))
+    message = next((message for message in scans if message.data.whole), None)
+    place = in_root(trial, message) if message is not None else None
+    if message is None or place is None:
+        return 0.0
+    scan, at, cell = message.data, located[-1][1].then(place), grid.cells()
+    margin = (trial.tolerance.cells + 1) * grid.resolution
+    first, last = scan.range_min + margin, scan.range_max - margin
+    last = min(last, math.hypot(grid.width, grid.height) * grid.resolution)
+    steps = [
+        first + step * grid.resolution for step in range(int((last - first) / grid.resolution))
+    ]
+    beam = directions(scan.angle_min, scan.angle_increment, len(scan.ranges))
+    missed = 0
+    for length, cosine, sine in zip(scan.ranges, *beam, strict=True):
+        if length < 0:
+            along = (at.point((step * cosine, step * sine, 0.0)) for step in steps)
+            missed += any(cell(x, y) in grid.walls for x, y, _ in along)
+    return missed / max(1, len(scan.ranges))
 
 
 def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
@@ -224,7 +260,9 @@ def on_map(trial: Trial) -> Iterator[RunFault]:
         return
     kind: FaultKind = "scan-off-map"
     text = map_fit.text
-    if map_fit.through > _BEFORE:
+    if _lies_at_walls(map_fit, trial):
+        text += f", but {map_fit.unmet:.0%} of the rays return nothing where it has a wall"
+    elif map_fit.through > _BEFORE:
         kind = "map-inverted"
         text += f", but {map_fit.through:.0%} have a wall before them: the map may be inverted"
     elif map_fit.shift is not None and map_fit.shifted >= trial.tolerance.met:

@@ -63,7 +63,9 @@ def scan(trial: Trial) -> Iterator[RunFault]:
         text = f"the lidar turns {1.0 / turn:g} times a second, not {turns:g}"
         yield RunFault(text, "wrong-turn-rate", messages[-1].node)
     if all(distance < 0 for each in reversed(messages) for distance in each.data.ranges):
-        yield RunFault("no ray returns", "no-ray-returns", messages[-1].node)
+        text, is_empty = "no ray returns", trial.walls is not None and not trial.room
+        text += ", and nothing stands still at the height of the lidar" if is_empty else ""
+        yield RunFault(text, "no-ray-returns", messages[-1].node, sure=not is_empty)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):
         place = in_root(trial, message)
         if place is None or trial.walls is None:
