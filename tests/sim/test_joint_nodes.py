@@ -269,6 +269,19 @@ def test_a_joint_with_a_spring_keeps_no_speed(tmp_path: Path) -> None:
     assert check.cause == "it has a drive with stiffness 800"
 
 
+@pytest.mark.parametrize(("degrees", "cause"), [(0.0, ""), (30.0, "keeps it +0.052 from")])
+def test_a_target_velocity_that_keeps_a_joint_from_its_targets_is_named(
+    tmp_path: Path, degrees: float, cause: str
+) -> None:
+    stage = arm()
+    drive = UsdPhysics.DriveAPI(joint_of(stage), "angular")
+    drive.CreateStiffnessAttr().Set(1000.0)
+    drive.CreateDampingAttr().Set(100.0)
+    drive.CreateTargetVelocityAttr().Set(degrees)
+    check = by_name(played(stage, tmp_path))["joints"]
+    assert (check.prim, cause in check.cause) == (ELBOW if cause else "", True)
+
+
 def test_speeds_that_go_to_other_joints_are_named(tmp_path: Path) -> None:
     stage = without_springs(arm_that_hears("velocity"))
     names = stage.GetAttributeAtPath("/ActionGraph/controller.inputs:jointNames")

@@ -310,6 +310,8 @@ def joints(trial: Trial, session: int, machine: Machine, controller: str) -> Ite
             yield RunFault(text, kind, joint.path, f"it {why}")
         elif off and joint is not None and joint.locked:
             yield RunFault(off, "locked-joint", joint.path, "another joint holds it")
+        elif off and joint is not None and (speed := _own_speed(joint, held)):
+            yield RunFault(off + trial.when([session]), "joint-off-target", joint.path, speed)
         elif off or (command == "effort" and stopped is not None and stopped.kind is not None):
             off = off or f"{name} does not follow its commands"
             text, cause = off + trial.when([session]), stopped
@@ -319,6 +321,21 @@ def joints(trial: Trial, session: int, machine: Machine, controller: str) -> Ite
             yield RunFault(text, cause.kind or "joint-off-target", cause.prim, cause.reason)
             if cause.kind is not None:
                 return  # which keeps all joints
+
+
+def _own_speed(joint: Joint, held: Sequence[Held]) -> str:
+    """Return how the stage's target velocity keeps a joint off commanded positions, '' if not.
+
+    The drive rests where stiffness * (target - position) + damping * speed is 0.
+    """
+    last = held[-1]
+    if last.kind != "position" or not joint.stiffness:
+        return ""
+    beyond = joint.damping / joint.stiffness * joint.authored[0]
+    away = last.positions.get(joint.name, math.nan) - last.commanded[joint.name]
+    if not beyond or not math.isclose(away, beyond, abs_tol=OFF[1]):
+        return ""
+    return f"the targetVelocity of its drive keeps it {beyond:+.3f} from each target; set it to 0"
 
 
 def _off_target(name: str, held: Sequence[Held]) -> str:
