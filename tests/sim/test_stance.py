@@ -60,6 +60,22 @@ def test_a_centre_of_mass_that_nothing_is_below_falls() -> None:
     assert stand(ball("castor", -0.2, -0.07), ahead=0.1).falls
 
 
+@pytest.mark.parametrize(("mass", "verdict"), [(None, "not judged"), (1.0, "bad")])
+def test_what_would_tell_by_what_weight_a_robot_tips_over_is_named(
+    tmp_path: Path, mass: float | None, verdict: str
+) -> None:
+    stage = with_shape("Cube", (0.6, 0, 0.9), 0.2)
+    mast = UsdPhysics.MassAPI.Apply(body(stage, f"{ROBOT}/mast", (0, 0, 0.3)))
+    joint = UsdPhysics.FixedJoint.Define(stage, f"{ROBOT}/mast_joint")
+    joint.CreateBody0Rel().SetTargets([BASE])
+    joint.CreateBody1Rel().SetTargets([f"{ROBOT}/mast"])
+    if mass is not None:
+        mast.CreateMassAttr(mass)
+    found = follows(stage, tmp_path)
+    named = "no collider and no physics:mass tells its weight" in found.message
+    assert (found.verdict, named) == (verdict, mass is None)
+
+
 def test_two_balls_of_two_sizes_lean_to_the_smaller() -> None:
     balls = [
         solid("ball", "Sphere", Sizes(radius=radius), Affine(origin=(0.0, y, 0.0)))

@@ -266,7 +266,9 @@ class Machines:
         machine.falls = stance.stand is not None and stance.stand.falls
         weightless = next(self._unweighed(machine, stance), "") if machine.falls else ""
         if weightless:
-            machine.unclear[weightless] = "its weight is unknown, and the robot may tip over by it"
+            machine.unclear[weightless] = (
+                f"no collider and no {MASS} tells its weight, and the robot may tip over by it"
+            )
             machine.falls = False
         if stance.stand is not None:
             machine.lean = stance.stand.lean
