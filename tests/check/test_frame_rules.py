@@ -446,6 +446,7 @@ def test_the_parent_prim_among_the_targets_is_its_own_parent(apis: tuple[str, ..
     assert sites(stage) == [("T09", COMPUTE, TARGETS)]
     (problem,) = problems(stage)["T09"]
     assert str(problem.expected).split(", ") == list(FRAME_ROLES.values())
+    assert problem.hint is None
 
 
 def test_the_parent_prim_in_the_place_of_a_target_is_one_finding() -> None:
@@ -454,6 +455,7 @@ def test_the_parent_prim_in_the_place_of_a_target_is_one_finding() -> None:
     (problem,) = problems(stage)["T09"]
     assert set(str(problem.expected).split(", ")) == set(FRAME_ROLES.values())
     assert "'base_scan'" in problem.message
+    assert str(problem.hint).endswith("and add " + FRAME_ROLES["base_scan"])
 
 
 def test_the_articulation_root_and_the_camera_lose_all_links() -> None:

@@ -468,6 +468,7 @@ def _self_problem(node: Node, what: str, wanted: list[str], view: TfView) -> Pro
     makers = [maker for maker in frame_sources(view) if maker.node.path == node.path]
     lost = {frame: m.prims[frame] for m in makers for frame in missing_frames(m, view)}
     losing = f", and nothing publishes {frame_list_text(list(lost))}" if lost else ""
+    added = ", ".join(home for home in lost.values() if home not in listed_targets(node))
     return Problem(
         node.path,
         f"{what}{losing}",
@@ -475,6 +476,7 @@ def _self_problem(node: Node, what: str, wanted: list[str], view: TfView) -> Pro
         expected=", ".join(dict.fromkeys([*wanted, *lost.values()])) or "the links as targets",
         actual=", ".join(listed_targets(node)),
         handout=view.subject.lab.frames.handout,
+        hint=f"remove the parent prim from Target Prims, and add {added}" if added else None,
         covers=frame_places(*lost),
     )
 
