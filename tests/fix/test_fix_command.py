@@ -620,6 +620,11 @@ def test_what_can_mean_one_thing_alone_is_repaired_without_unsafe(
     assert_repaired(saved(tmp_path, *SAFELY[fault]))
 
 
+@pytest.mark.parametrize("prim", ["base_footprint/Camera_1", "caster_back_link"])
+def test_what_is_only_deactivated_is_activated_without_unsafe(tmp_path: Path, prim: str) -> None:
+    assert_repaired(saved(tmp_path, {"deactivate": f"{ROBOT}/{prim}"}, checkpoint="04"))
+
+
 def test_a_link_that_two_prims_could_be_is_not_added_again(tmp_path: Path) -> None:
     link = f"{ROBOT}/wheel_left_link"
     copies: list[Step] = [

@@ -14,11 +14,13 @@ from lab3_usd.isaac.node_types import INPUT, NodeType, Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import (
+    Activate,
     ClearValue,
     Connect,
     Edit,
     RemovePrim,
     RenameProperty,
+    Restore,
     Retarget,
     SetValue,
 )
@@ -38,6 +40,12 @@ def can_become(node: Node, kind: NodeType, stage: StageModel) -> bool:
     inputs = (name for name, state in node.ports.items() if state.sources)
     outputs = (wire.source_port for wire in connections(stage) if wire.source is node)
     return all(kind.port(name) is not None for name in (*inputs, *outputs))
+
+
+def restoration(path: str, stage: StageModel) -> Edit:
+    """Return what brings back an absent prim: one that is only deactivated is activated."""
+    prim = stage.prims.get(path)
+    return Restore(path) if prim is None or prim.active else Activate(path)
 
 
 def is_compound(node: Node, stage: StageModel) -> bool:

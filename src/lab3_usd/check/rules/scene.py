@@ -8,6 +8,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.repairs import restoration
 from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
 from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.location import demanded_prims, same_named_prims
@@ -91,7 +92,7 @@ def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
             else same_named_prims(stage, root.path, path.rpartition("/")[2])
         )
         place_text, hint = "", None
-        fix: tuple[Edit, ...] = (Restore(path),)
+        fix: tuple[Edit, ...] = (restoration(path, stage),)
         if places:
             place_text = f"; it seems to be the prim at {places[0]}"
             hint = f"rename or drag {places[0]} back to {path} in the Stage panel"

@@ -10,6 +10,7 @@ from typing import NamedTuple
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, Demands, rule
+from lab3_usd.check.repairs import restoration
 from lab3_usd.check.robot.location import demanded_prims
 from lab3_usd.check.robot.poses import (
     OPERATIONS,
@@ -137,7 +138,7 @@ def missing_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
                 expected=path,
                 actual=reason,
                 handout=subject.lab.sensors[sensor].handout,
-                fix=(Restore(path),),
+                fix=(restoration(path, stage),),
                 absent=True,
                 rests_on=stage.unknown(path),
             )
