@@ -138,6 +138,20 @@ def test_what_is_excluded_is_passed_over_in_folders(
         assert "spoilt" in lab3(*command, spoilt).output
 
 
+@pytest.mark.parametrize("command", ["check", "lint"])
+def test_what_is_excluded_is_passed_over_where_it_is_named_if_asked(
+    wrong: Path, command: str
+) -> None:
+    spoilt = wrong.with_name("Lab3_02_ros_drive_spoilt.usda")
+    spoilt.write_text("no stage")
+    (wrong.parents[1] / "lab3.toml").write_text('exclude = ["*spoilt*"]')
+    both = lab3(command, "--force-exclude", "--format", "concise", spoilt, wrong)
+    assert "spoilt" not in both.output
+    assert (wrong.name in both.output, both.exit_code) == (True, 1)
+    for more in ([], ["--fix"] if command == "lint" else ["--format", "json"]):
+        assert lab3(command, "--force-exclude", *more, spoilt).exit_code == 0
+
+
 def test_isolated_uses_none(wrong: Path) -> None:
     set_up(wrong.parent, 'ignore = ["W01"]')
     assert found("--isolated", wrong) == {("P01", "error"), ("W01", "error")}

@@ -17,7 +17,9 @@ from lab3_usd.commands.shared.configuration import (
     asset_places,
     config_options,
     configured,
+    force_exclude_option,
     path_text,
+    unexcluded,
 )
 from lab3_usd.commands.shared.options import (
     ReportOptions,
@@ -55,6 +57,7 @@ class CheckOptions(Struct, frozen=True):
     submission: bool
     require_evidence: bool
     untrusted: bool
+    force_exclude: bool
 
 
 @click.command("check")
@@ -83,6 +86,7 @@ class CheckOptions(Struct, frozen=True):
     help="Check untrusted submissions as `lab3 grade` does; needs --starter.",
 )
 @config_options
+@force_exclude_option
 @view_options
 @recorded("asked", CheckOptions)
 def command(
@@ -108,6 +112,7 @@ def command(
         _refuse_trust(asked, report, configuration, view)
         configuration = replace(configuration, isolated=True)
     config = configured(paths, configuration, rules, assets)
+    judged = unexcluded(paths, config) if asked.force_exclude else paths
     asked = replace(
         asked,
         starter=asked.starter or path_text(config.starter),
@@ -123,7 +128,7 @@ def command(
         judge = _untrusting_judge(asked.starter, assets)
     else:
         judge = _judge(shared, asked, reporting)
-    sys.exit(judge_and_report(paths, judge, reporting))
+    sys.exit(judge_and_report(judged, judge, reporting))
 
 
 def _refuse_trust(

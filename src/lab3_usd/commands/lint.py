@@ -12,8 +12,10 @@ from lab3_usd.commands.shared.configuration import (
     ConfigOptions,
     config_options,
     configured,
+    force_exclude_option,
     leave_broken_lab,
     path_text,
+    unexcluded,
 )
 from lab3_usd.commands.shared.options import (
     ReportOptions,
@@ -46,6 +48,7 @@ class LintOptions(Struct, frozen=True):
     diff: bool
     in_place: bool
     unsafe: bool
+    force_exclude: bool
 
 
 @click.command("lint")
@@ -61,6 +64,7 @@ class LintOptions(Struct, frozen=True):
 @native_option
 @report_options
 @config_options
+@force_exclude_option
 @view_options
 @recorded("asked", LintOptions)
 def command(
@@ -84,6 +88,7 @@ def command(
     itself failed.
     """
     config = configured(paths, configuration, rules, assets)
+    judged = unexcluded(paths, config) if asked.force_exclude else paths
     leave_broken_lab()
     if asked.fix:
         from lab3_usd.commands.fix import RepairOptions, repair_stages
@@ -94,7 +99,7 @@ def command(
             lint=True, unsafe=asked.unsafe, release=asked.release, moved_from=asked.moved_from
         )
         writing = WritingOptions(asked.diff, output, asked.in_place)
-        sys.exit(repair_stages(paths, repair, writing, config))
+        sys.exit(repair_stages(judged, repair, writing, config) if judged else 0)
     if asked.diff or asked.in_place or asked.unsafe:
         raise UsageError("--diff, --in-place and --unsafe go with --fix")
     from lab3_usd.commands.shared.judging import Judge, judge_and_report
@@ -124,4 +129,4 @@ def command(
         module="lab3_usd.check.lint",
     )
     reporting = Reporting(report, view, config, path_text(config.starter))
-    sys.exit(judge_and_report(paths, judge, reporting))
+    sys.exit(judge_and_report(judged, judge, reporting))

@@ -72,6 +72,16 @@ def configured(
     )
 
 
+force_exclude_option = click.option(
+    "--force-exclude", is_flag=True, help="Pass over excluded files also where PATHS name them."
+)
+
+
+def unexcluded(paths: Iterable[str], config: Config) -> tuple[str, ...]:
+    """Return what is named without the files that the configuration excludes."""
+    return tuple(path for path in paths if Path(path).is_dir() or not config.excludes(Path(path)))
+
+
 def path_text(path: Path | None) -> str | None:
     """Return a path as the command line has one."""
     return None if path is None else str(path)
