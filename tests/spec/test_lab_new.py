@@ -20,7 +20,13 @@ from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.errors import Lab3Error
 from lab3_usd.features.new_lab.lab import chosen_stages
 from lab3_usd.grade.lab_schemas import schema_texts, with_schema
-from lab3_usd.new_lab.checkpoints import file_names, names_of_stages
+from lab3_usd.new_lab.checkpoints import (
+    FileNames,
+    file_names,
+    names_of_stages,
+    rubric_text,
+    steps_of_stages,
+)
 from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.new_lab.yaml_text import as_typed, document
 from lab3_usd.pipeline.stage import check_stage
@@ -530,3 +536,14 @@ def test_a_sensor_that_is_called_as_a_graph_is_scored_apart(pair: tuple[Lab, Lab
     graph = next(iter(lab.graphs.values()))
     assert group not in (*lab.graphs, sensor)
     assert sensor_group(replace(lab, graphs={**lab.graphs, group: graph}), sensor) == sensor
+
+
+def test_the_tree_is_asked_for_from_its_first_part_on(pair: tuple[Lab, Lab]) -> None:
+    names = FileNames("{id}", ("1", "2", "3"), ("1", "2", "3"))
+    first, second = ("odom", "base"), ("base", "imu")
+    trees = [(), (first,), (first, second)]
+    graphs = [[], ["Clock"], ["Clock", "Imu"]]
+    steps = steps_of_stages(names, graphs, [[], [], []], trees, (2,), removed={})
+    assert [step.frames for step in steps] == [False, True, False]
+    items = yaml.safe_load(rubric_text("Title", steps, (), pair[0]))["items"].values()
+    assert [item["groups"] for item in items][1:] == [["Clock", "TF"], ["Imu", "TF"]]

@@ -159,6 +159,7 @@ class Step(Struct, frozen=True):
     topics: bool = False
     optional: bool = False
     removes: tuple[str, ...] = ()
+    joins: bool = False  # the TF tree, with frames of its own
 
     @property
     def is_new(self) -> bool:
@@ -212,7 +213,7 @@ def steps_of_stages(
     names: FileNames,
     graphs: Sequence[Sequence[str]],
     sensors: Sequence[Sequence[str]],
-    has_tree: Sequence[bool],
+    trees: Sequence[Collection[tuple[str, str]]],
     optional: Collection[int] = (),
     *,
     removed: Mapping[int, tuple[str, ...]],
@@ -222,19 +223,21 @@ def steps_of_stages(
 
     `removed` are the paths of supplied prims that it has no more, by its number.
 
-    The TF tree is asked for from the first stage on that has it. A stage that is like the one
-    before is handed in to show the topics of the running system, which it `speaks` on. On the
-    stages whose numbers are `optional` no later one builds.
+    The TF tree is asked for from the first stage on that has a part of it (`trees`). A stage that
+    is like the one before is handed in to show the topics of the running system, which it `speaks`
+    on. On the stages whose numbers are `optional` no later one builds.
     """
     steps: list[Step] = []
     before = 0
     for number, (id_, name) in enumerate(zip(names.ids, names.names, strict=True)):
         new = tuple(g for g in graphs[number] if not number or g not in graphs[before])
         added = tuple(s for s in sensors[number] if not number or s not in sensors[before])
-        has_frames = has_tree[number] and not any(step.frames for step in steps)
+        is_asked = any(step.frames and not step.optional for step in steps)
+        has_frames = bool(trees[number]) and not is_asked
         title = _title(name) if not name.isdigit() else ", ".join(map(_title, new)) or _STARTER
         step = Step(id_, name, title, part_letter(number), new, added, has_frames)
-        step = replace(step, removes=removed.get(number, ()))
+        joins = bool(number) and not {*trees[number]} <= {*trees[before]}
+        step = replace(step, removes=removed.get(number, ()), joins=joins)
         is_shown = any(earlier.topics for earlier in steps)
         has_topics = speaks and bool(number) and not step.is_new and not is_shown
         steps.append(replace(step, topics=has_topics, optional=number in optional))
@@ -342,7 +345,7 @@ def rubric_text(title: str, steps: Sequence[Step], furnished: Collection[str], l
     things = [robots, "scene"] if supplied else ["scene"]
     for step in steps:
         groups = [*step.graphs, *(sensor_group(lab, name) for name in step.sensors)]
-        groups += [TREE_GROUP] if step.frames else []
+        groups += [TREE_GROUP] if step.frames or step.joins else []
         is_of_scene = step.removes or step.id in furnished
         groups += [SCENE_GROUP] if groups and is_of_scene and step is not steps[0] else []
         if step is steps[0]:

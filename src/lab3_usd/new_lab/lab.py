@@ -6,7 +6,7 @@ import shutil
 import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -79,6 +79,9 @@ _SCENE_NOTES = {
     "there in units of the stage; a `place` in the world in metres.",
     "sensors": "By the names that checkpoints add them under. Only what is `required` is checked.",
 }
+
+
+T = TypeVar("T")
 
 
 class Description(Struct, frozen=True):
@@ -308,11 +311,26 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
             ]
             for source in sources
         ],
-        [parts.has_frames and edges >= published[-1] for edges in published],
+        [
+            edges if parts.has_frames and all(each <= published[-1] for each in later) else ()
+            for edges, later in zip(published, _required_after(published, parts), strict=True)
+        ],
         parts.optional,
         removed=removed_prims([source.stage for source in sources], parts.optional),
         speaks=any(graph_topics(parts.lab)),
     )
+
+
+def _required_after(published: Sequence[T], parts: _Parts) -> list[list[T]]:
+    """Return for each stage its own and those after it, without the optional ones."""
+    return [
+        [
+            each
+            for number, each in enumerate(published[first:], start=first)
+            if number == first or number not in parts.optional
+        ]
+        for first in range(len(published))
+    ]
 
 
 def _home(sensor: str, texts: Sequence[GraphText]) -> GraphSpec | None:
