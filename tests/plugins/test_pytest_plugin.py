@@ -146,6 +146,17 @@ def test_rules_of_ones_own_judge_if_their_configuration_is_named(
     assert "ACME07" not in all_rules()
 
 
+def test_rules_of_ones_own_judge_beside_their_tests(
+    pytester: pytest.Pytester, shouting: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.syspath_prepend(shouting)
+    (shouting / "test_acme.py").write_text("import acme_rules\n\ndef test_them(): ...\n")
+    options = ("--lab3-config", str(shouting / "lab3.toml"), str(shouting / "test_acme.py"))
+    run(pytester, *options, "--lab3-lint", str(shouting / "robot.usda")).assert_outcomes(
+        passed=1, failed=1
+    )
+
+
 def test_a_file_of_rules_beside_the_stages_does_not_run(
     pytester: pytest.Pytester, shouting: Path
 ) -> None:

@@ -54,7 +54,7 @@ def add_own_rules(sources: Iterable[str]) -> None:
 @cache
 def _rules_of(source: str) -> tuple[Rule, ...]:
     """Return the rules of a source, which is imported once."""
-    before = frozenset(registered())
+    before = registered()
     try:
         _import_file(Path(source)) if source.endswith(ENDING) else _import_entry_point(source)
     except UsageError:
@@ -67,7 +67,7 @@ def _rules_of(source: str) -> tuple[Rule, ...]:
         raise UsageError(
             f"rules {source}{line}: cannot be imported: {type(error).__name__}: {error}"
         ) from error
-    new = tuple(rule for name, rule in registered().items() if name not in before)
+    new = tuple(rule for name, rule in registered().items() if rule is not before.get(name))
     if not new:
         raise UsageError(f"rules {source}: holds no rule; @own_rule makes a function one")
     return new

@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from os.path import realpath
 from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 
 from msgspec import Struct
@@ -247,9 +248,14 @@ _IDS: dict[str, str] = {}  # by the name of a rule
 _OF_LINT: set[Callable[..., Iterator[Problem]]] = set()
 
 
-def _origin(check: Callable[..., Iterator[Problem]]) -> tuple[str, str]:
-    """Name where a rule is written; a module that is imported again brings the same rules."""
-    return check.__module__, check.__qualname__
+def _are_one(
+    check: Callable[..., Iterator[Problem]], other: Callable[..., Iterator[Problem]]
+) -> bool:
+    """Whether a module that is imported again, maybe under another name, brings the same rule."""
+    return check.__qualname__ == other.__qualname__ and (
+        check.__module__ == other.__module__
+        or realpath(check.__code__.co_filename) == realpath(other.__code__.co_filename)
+    )
 
 
 def rule(  # noqa: PLR0913 - decorators name them
@@ -281,7 +287,7 @@ def rule(  # noqa: PLR0913 - decorators name them
         namesake = _IDS.setdefault(name, rule_id)
         if namesake != rule_id and namesake in _RULES:
             raise ValueError(f"rule {rule_id}: its name {name} is that of {namesake}")
-        if other is not None and _origin(other.check) != _origin(check):
+        if other is not None and not _are_one(check, other.check):
             code = other.check.__code__
             raise ValueError(
                 f"rule {rule_id} is taken by {other.name} at "
