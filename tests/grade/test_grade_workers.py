@@ -737,6 +737,13 @@ def test_the_environment_of_a_worker_holds_no_plugin_path_and_no_secret(
     }
 
 
+def test_a_worker_finds_the_programs_that_its_grader_finds(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    monkeypatch.setenv("PATH", str(tmp_path))
+    assert worker_process.environment(tmp_path)["PATH"] == str(tmp_path)
+
+
 WRITES = """
 import json, sys
 sys.stdin.readline()
