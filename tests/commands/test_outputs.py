@@ -252,9 +252,7 @@ def test_an_existing_file_of_a_judged_folder_is_no_report(place: Path) -> None:
         "lint STAGE -o no/report.txt",
         "check STAGE --write-baseline no/base.json",
         "sim STAGE --page no/page.html",
-        "starter -o no/starter.usda",
         "tf STAGE --graph no/tree.svg",
-        "collect -o no/collect.sh",
         "grade sub --format gradescope --starter STARTER -o no/results.json",
     ],
 )
@@ -262,6 +260,15 @@ def test_the_folder_of_an_output_must_be_there(call: str, place: Path) -> None:
     answer = said(*(PLACES.get(word, word) for word in call.split()))
     assert "there is no folder no; make it first" in answer
     assert not (place / "no").exists()
+
+
+@pytest.mark.parametrize(
+    "call",
+    ["starter -o new/below/starter.usda", "collect -o new/collect.sh", "record -o new/play.py"],
+)
+def test_the_folder_of_the_one_file_that_a_command_is_for_is_made(call: str, place: Path) -> None:
+    assert invoke(*call.split()).exit_code == 0
+    assert (place / call.rsplit(maxsplit=1)[-1]).is_file()
 
 
 @pytest.mark.parametrize("call", ["build -o taken --only 01", "draw STAGE -o taken/below"])

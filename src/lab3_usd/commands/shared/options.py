@@ -16,6 +16,7 @@ from msgspec import Struct
 from lab3_usd.commands.shared.paths import (
     AssetFolder,
     Input,
+    OutputAlone,
     OutputBaseline,
     OutputFile,
     OutputFolder,
@@ -342,7 +343,7 @@ text_or_json: Option = click.option(
 
 def written_file(name: str, what: str) -> Option:
     """Return the options of a command that writes one file: where, and whether it replaces one."""
-    kind = OutputFile(path_type=Path, dir_okay=False)
+    kind = OutputAlone(path_type=Path, dir_okay=False)
     return all_of(
         click.option("--output", "-o", name, required=True, type=kind, help=what),
         click.option("--force", is_flag=True, help="Replace a file that exists."),

@@ -84,6 +84,10 @@ class OutputFile(click.Path):
         return False
 
 
+class OutputAlone(OutputFile):
+    """The one file that a call is for; the folder that it lies in is made."""
+
+
 class OutputRepair(OutputFile):
     """A stage that is written after repairs, which may also replace the one that was read."""
 
@@ -138,7 +142,8 @@ def refuse_inputs_as_outputs(context: click.Context) -> None:
         if isinstance(option.type, OutputReport):
             refuse_stage_ending(path)
         if isinstance(option.type, OutputFile):
-            refuse_missing_folder(path)
+            if not isinstance(option.type, OutputAlone):
+                refuse_missing_folder(path)
             _refuse(path, read, option.type)
         elif not path.is_dir():
             _refuse(path, read, None)

@@ -20,12 +20,13 @@ def command(script: Path, *, force: bool) -> None:
     """
     from lab3_usd.errors import UsageError
     from lab3_usd.features.collect.script import collect_script
-    from lab3_usd.files import write_whole
+    from lab3_usd.files import make_folder, write_whole
     from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()
     if not lab.ros.commands:
         raise UsageError(f"{lab.title} asks for no output of ROS commands")
+    make_folder(script.parent)
     write_whole(script, collect_script(lab).encode(), force=force)
     script.chmod(0o755)
     echo(script)

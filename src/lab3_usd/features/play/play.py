@@ -68,8 +68,9 @@ def command(script: Path, *, force: bool) -> None:
     lab without a window, drives the robot as `lab3 sim` does, and records bags for `lab3 bag`. It
     has not been run in Isaac Sim.
     """
-    from lab3_usd.files import write_whole
+    from lab3_usd.files import make_folder, write_whole
     from lab3_usd.spec.load.loader import load_lab
 
+    make_folder(script.parent)
     write_whole(script, isaac_script(load_lab(), script).encode(), force=force)
     echo(script)

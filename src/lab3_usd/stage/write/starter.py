@@ -9,7 +9,7 @@ from pxr import Gf, Sdf, Tf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.data import lab_folder
 from lab3_usd.errors import SpecError, UsageError
-from lab3_usd.files import write_whole
+from lab3_usd.files import make_folder, write_whole
 from lab3_usd.isaac.values import same_numbers
 from lab3_usd.model.prims import upwards
 from lab3_usd.spec.lab import Lab
@@ -153,7 +153,7 @@ def deviations(lab: Lab, stage: Usd.Stage) -> Iterator[tuple[str, str]]:
 
 @quiet()
 def build_starter(target: Path | str, *, force: bool = False) -> None:
-    """Write the starter scene of the lab to `target` as text USD.
+    """Write the starter scene of the lab to `target` as text USD; its folder is made.
 
     The file is written whole or not at all, and is the same to the byte every time.
 
@@ -167,6 +167,7 @@ def build_starter(target: Path | str, *, force: bool = False) -> None:
             f"{target}: the starter is a text stage, give it a name that ends in {_SUFFIX}"
         )
     text: str = starter_layer(lab_folder()).ExportToString()
+    make_folder(target.parent)
     write_whole(target, text.encode(), force=force)
 
 
