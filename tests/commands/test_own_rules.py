@@ -167,8 +167,9 @@ NO_SEVERITY = TAKEN_TWICE.replace("'x'", "'x', 'wrning'")
         ("", "holds no rule"),
         (
             "from lab3_usd.own_rules import own_rule\nown_rule('K01', 'x')(lambda subject: ())\n",
-            "K01 is not an id of a rule",
+            "K01 is not an id of a rule: at least two capital letters",
         ),
+        (TAKEN_TWICE.replace("ACME01", "MY1"), "MY1 is not .*, then at least two digits, as in"),
         (
             "from lab3_usd.own_rules import own_rule\nown_rule('UV01', 'x')(lambda subject: ())\n",
             "its letters are those of a family",

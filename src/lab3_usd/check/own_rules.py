@@ -26,14 +26,18 @@ def own_rule(rule_id: str, name: str, severity: Severity = "error") -> Callable[
     """Register a generator of `Problem`s, which takes a `Subject`, as a rule of one's own.
 
     Its docstring is the manual: what is wrong, then paragraphs that begin with `Why:`, `Fix:` and
-    `Example:`. `rule_id` is at least two letters, which no rules of this package have, and digits.
+    `Example:`. `rule_id` is at least two capital letters, which no rules of this package have, and
+    at least two digits.
 
     Raises:
         ValueError: the id is of another form, or taken, as the name may be; or there is no such
             severity.
     """
     if not re.fullmatch(_ID, rule_id):
-        raise ValueError(f"{rule_id} is not an id of a rule: letters, then digits, as in ACME01")
+        raise ValueError(
+            f"{rule_id} is not an id of a rule: at least two capital letters, then at least two "
+            "digits, as in ACME01"
+        )
     if rule_id.rstrip("0123456789") in FAMILIES:
         raise ValueError(f"{rule_id}: its letters are those of a family of this program")
     all_rules()  # whose names are taken
