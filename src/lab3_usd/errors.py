@@ -52,6 +52,10 @@ class StageError(Lab3Error):
         self.repair = repair
 
 
+class RuleError(Lab3Error, ValueError):
+    """A rule cannot be registered: its id or name is taken, or of another form."""
+
+
 class UsageError(Lab3Error):
     """The command or call was given something it cannot work with."""
 

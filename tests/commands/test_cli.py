@@ -388,6 +388,14 @@ def left(code: str) -> tuple[int, str]:
     return done.returncode, done.stdout
 
 
+def test_a_rule_whose_id_is_taken_is_no_internal_error() -> None:
+    code = (
+        "from lab3_usd.check.registry import all_rules, rule\n"
+        "cli.lab3.main = lambda **_: (all_rules(), rule('K10', 'x', 'lint')(lambda stage: ()))"
+    )
+    assert left(code) == (cli.EXIT_USAGE, "")
+
+
 @pytest.mark.parametrize("status", [0, 1, 3])
 def test_leaving_at_once_loses_neither_status_nor_output(status: int) -> None:
     code = f"cli.main = lambda: (print('x' * 100_000, end=''), sys.exit({status}))"

@@ -14,7 +14,7 @@ from pathlib import Path
 
 from lab3_usd.check.registry import FAMILIES, Check, Rule, added_by, all_rules, rule
 from lab3_usd.check.registry import own_rules as registered
-from lab3_usd.errors import UsageError
+from lab3_usd.errors import RuleError, UsageError
 from lab3_usd.model.finding import Severity
 
 GROUP = "lab3_usd.rules"  # of entry points
@@ -30,16 +30,16 @@ def own_rule(rule_id: str, name: str, severity: Severity = "error") -> Callable[
     at least two digits.
 
     Raises:
-        ValueError: the id is of another form, or taken, as the name may be; or there is no such
+        RuleError: the id is of another form, or taken, as the name may be; or there is no such
             severity.
     """
     if not re.fullmatch(_ID, rule_id):
-        raise ValueError(
+        raise RuleError(
             f"{rule_id} is not an id of a rule: at least two capital letters, then at least two "
             "digits, as in ACME01"
         )
     if rule_id.rstrip("0123456789") in FAMILIES:
-        raise ValueError(f"{rule_id}: its letters are those of a family of this program")
+        raise RuleError(f"{rule_id}: its letters are those of a family of this program")
     all_rules()  # whose names are taken
     return rule(rule_id, name, "own", severity)
 

@@ -13,7 +13,7 @@ from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 from msgspec import Struct
 
 from lab3_usd.data import program
-from lab3_usd.errors import UsageError, guess
+from lab3_usd.errors import RuleError, UsageError, guess
 from lab3_usd.model.finding import SEVERITIES, Place, Problem, Severity, family_of, id_order
 
 if TYPE_CHECKING:
@@ -276,20 +276,20 @@ def rule(  # noqa: PLR0913 - decorators name them
     asks for something at the site of a problem, `check.demands` adds it.
 
     Raises:
-        ValueError: the id or the name is taken, or there is no such severity or scope.
+        RuleError: the id or the name is taken, or there is no such severity or scope.
     """
     for value, choices in ((severity, SEVERITIES), (scope, get_args(Scope))):
         if value not in choices:
-            raise ValueError(f"rule {rule_id}: '{value}' is none of {', '.join(choices)}")
+            raise RuleError(f"rule {rule_id}: '{value}' is none of {', '.join(choices)}")
 
     def register(check: Check) -> Check:
         other = _RULES.get(rule_id)
         namesake = _IDS.setdefault(name, rule_id)
         if namesake != rule_id and namesake in _RULES:
-            raise ValueError(f"rule {rule_id}: its name {name} is that of {namesake}")
+            raise RuleError(f"rule {rule_id}: its name {name} is that of {namesake}")
         if other is not None and not _are_one(check, other.check):
             code = other.check.__code__
-            raise ValueError(
+            raise RuleError(
                 f"rule {rule_id} is taken by {other.name} at "
                 f"{code.co_filename}:{code.co_firstlineno}; {_free_id(rule_id)} is free"
             )
