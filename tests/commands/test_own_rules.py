@@ -128,6 +128,18 @@ def test_its_manual_is_a_page_like_others(trusted: tuple[str, Path]) -> None:
     assert "ACME01" not in all_rules()
 
 
+def test_it_is_listed_with_the_severity_that_is_set(
+    folder: Path, trusted: tuple[str, Path]
+) -> None:
+    with (folder / "lab3.toml").open("a") as file:
+        file.write('[severity]\nACME = "note"\nK43 = "note"\n')
+    assert lab3("rule", "ACME01", *trusted).stdout.startswith("ACME01 topic-with-capitals (note,")
+    listed = [line.split()[:2] for line in lab3("rules", *trusted).stdout.splitlines()]
+    assert ["ACME01", "note"] in listed
+    assert ["K43", "note"] in listed
+    assert ["K42", "error"] in listed
+
+
 NUMBERED = """from lab3_usd.own_rules import own_rule
 
 def check(subject):

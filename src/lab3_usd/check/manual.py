@@ -7,7 +7,7 @@ an `{else}` there for the others.
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from functools import lru_cache
 from typing import TYPE_CHECKING
 
@@ -16,6 +16,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.data import as_called, program
 from lab3_usd.isaac.releases import BASE
+from lab3_usd.model.finding import Severity, configured_severity
 from lab3_usd.model.physics import down
 from lab3_usd.spec.scene import NO_ROBOT
 
@@ -77,10 +78,15 @@ PLAIN: Mapping[str, str] = {
 }
 
 
-def rules_in(lab: Lab) -> dict[str, Rule]:
-    """Return every rule by id, in the words of a lab."""
+def rules_in(lab: Lab, severities: Iterable[tuple[str, Severity]] = ()) -> dict[str, Rule]:
+    """Return every rule by id, in the words of a lab, as grave as is configured."""
+    by_name = dict(severities)
     return {
-        name: replace(rule, words=in_words_of(lab, rule.manual))
+        name: replace(
+            rule,
+            words=in_words_of(lab, rule.manual),
+            severity=configured_severity(name, rule.severity, by_name),
+        )
         for name, rule in all_rules().items()
     }
 

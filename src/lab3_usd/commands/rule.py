@@ -33,9 +33,9 @@ def command(rule_id: str, words: str | None, *, whole: bool, config_file: str | 
     ID is an id such as W01, or the name of a rule. Any other word lists the rules whose names or
     first sentences contain it.
     """
-    use_own_rules(config_file)
+    severities = use_own_rules(config_file)
     lab = load_lab()
-    rules = rules_in(lab)
+    rules = rules_in(lab, severities)
     if [bool(rule_id), bool(words), whole].count(True) != 1:
         raise click.UsageError("give the id of one rule, --search WORD, or --all")
     if words is not None:

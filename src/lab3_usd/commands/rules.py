@@ -32,14 +32,14 @@ def command(*, whole: bool, config_file: str | None) -> None:
 
     `lab3 rule ID` explains one.
     """
-    use_own_rules(config_file)
+    severities = use_own_rules(config_file)
     lab = load_lab()
-    rules = rules_in(lab)
+    rules = rules_in(lab, severities)
     if not whole:
         linted = (
             {} if own_lab() else {name: r for name, r in rules.items() if r.scope in _ANY_STAGE}
         )
-        rules = linted | rules_of_lab(lab)
+        rules = linted | {name: rules[name] for name in rules_of_lab(lab)}
     click.echo("\n".join(rule_lines(list(rules.values()))))
 
 

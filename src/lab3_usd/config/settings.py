@@ -14,7 +14,7 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Parameters, all_rules, check_rule_names, rule_names
 from lab3_usd.config.lookup import find_file, located_in_config, read_table
 from lab3_usd.errors import UsageError, guess
-from lab3_usd.model.finding import SEVERITIES, Finding, Severity, family_of, is_among
+from lab3_usd.model.finding import SEVERITIES, Finding, Severity, configured_severity, is_among
 
 _Reader = Callable[[Any, str, Path], Any]
 
@@ -261,8 +261,8 @@ def _as_configured(findings: Iterable[Finding], path: str, config: Config) -> It
     severities = dict(config.severity)
     for finding in findings:
         if not is_among(finding.rule, ignored):
-            of_family = severities.get(family_of(finding.rule), finding.severity)
-            yield replace(finding, severity=severities.get(finding.rule, of_family))
+            severity = configured_severity(finding.rule, finding.severity, severities)
+            yield replace(finding, severity=severity)
 
 
 def matching(

@@ -164,6 +164,11 @@ def is_among(rule: str, names: Collection[str]) -> bool:
     return rule in names or family_of(rule) in names
 
 
+def configured_severity(rule: str, usual: Severity, configured: Mapping[str, Severity]) -> Severity:
+    """Return the severity that is configured for a rule, else for its family, else the usual."""
+    return configured.get(rule, configured.get(family_of(rule), usual))
+
+
 def site_of(finding: Finding) -> Site:
     """Return the key of a finding within a stage: its rule and place, or what it is about."""
     if finding.identity is not None:

@@ -18,6 +18,7 @@ from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
     from lab3_usd.config.settings import Config
+    from lab3_usd.model.finding import Severity
 
 
 class ConfigOptions(Struct, frozen=True):
@@ -91,23 +92,26 @@ own_rules_option = click.option(
     "--config",
     "config_file",
     type=Input(),
-    help="Also the custom rules that this file names.",
+    help="Also the custom rules that this file names, and the severities that it sets.",
 )
 
 
-def use_own_rules(config_file: str | None) -> None:
+def use_own_rules(config_file: str | None) -> tuple[tuple[str, Severity], ...]:
     """Add, for this call, the rules of one's own that a configuration names.
+
+    Returns:
+        The severities that it sets, by rules and families.
 
     Raises:
         UsageError: the configuration is wrong.
     """
     if config_file is None:
-        return
+        return ()
     from lab3_usd.check.registry import own_rules_removed_on_exit
     from lab3_usd.config.settings import load_config
 
     click.get_current_context().with_resource(own_rules_removed_on_exit())
-    load_config(Path(config_file))
+    return load_config(Path(config_file)).severity
 
 
 def use_config(path: Path, assets: Iterable[str]) -> Config:
