@@ -62,7 +62,7 @@ def described_joint(subject: RobotSubject) -> Iterator[Problem]:
 
     Why: commands go to joints by their names, and messages of their states name them. A joint with
     other limits stops elsewhere, one with a weaker drive sags, and one with a stiffer drive swings.
-    A wheel with limits stops there.
+    One that should turn on and on stops at any limit.
 
     Fix: undo the change of the joint, or start again from the supplied file. Limits and drive are
     in the Property panel under Physics.
