@@ -73,6 +73,13 @@ def test_a_robot_saved_after_it_turned_is_right(degrees: float) -> None:
     assert faults(stage, "05") == []
 
 
+def test_where_a_robot_starts_is_not_told_in_wrong_units() -> None:
+    stage = driven(built("05"), (-0.7, 0.4, 0), 90)
+    assert len(notes(stage, "05")) == 1
+    UsdGeom.SetStageMetersPerUnit(stage, 0.01)
+    assert notes(stage, "05") == []
+
+
 @pytest.mark.parametrize("checkpoint", ["01", "02", "05", "08"])
 def test_a_run_costs_no_requirement(checkpoint: str) -> None:
     found = judged(driven(built(checkpoint), (-2, 1, 0.001), 200, rolled=77), checkpoint)

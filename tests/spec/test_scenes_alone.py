@@ -233,6 +233,10 @@ def test_a_way_is_described_in_metres_whatever_the_unit_of_the_stage(tmp_path: P
     stage = Usd.Stage.Open(str(path))
     messages = [each.message for each in check_stage(path, "lift", lab).findings]
     assert messages == []
+    stage.SetMetadata("metersPerUnit", 1.0)
+    stage.Save()
+    assert [each.rule for each in check_stage(path, "lift", lab).findings] == ["S02"]
+    stage.SetMetadata("metersPerUnit", 0.01)
     stage.GetPrimAtPath("/Hall/Lift/rise").GetAttribute("physics:upperLimit").Set(0.4)
     stage.Save()
     messages = [each.message for each in check_stage(path, "lift", lab).findings]

@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.robot.poses import Units, units_of
 from lab3_usd.check.robot.wheels import find_joint, has_no_joints, link_of, unknown_joints
 from lab3_usd.facts.quantities import wheel_commands
 from lab3_usd.isaac.values import same_numbers
@@ -184,11 +185,12 @@ def _ties(prim: Prim, name: str, spec: JointSpec, robot: RobotSpec) -> Iterator[
 
 def _limits(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Iterator[JointFault]:
     is_angle = DRIVEN_AXES.get(spec.type) != "linear"
-    unit = 1.0 if is_angle else subject.stage.meters_per_unit
+    units = Units() if is_angle else units_of(subject.lab.scene, subject.stage)
     for key, word, limit in zip(LIMITS, ("lower", "upper"), spec.limits or (), strict=False):
-        actual, wanted = number(prim.attributes.get(key)), limit / unit
+        actual, wanted = number(prim.attributes.get(key)), limit / units.expected
         is_free = actual is None and math.isinf(wanted)  # USD's own values
-        if not (is_free or _same(actual, wanted, subject)):
+        readings = (wanted, limit / (units.actual or 1.0))
+        if not (is_free or any(_same(actual, reading, subject) for reading in readings)):
             shown = "not set" if actual is None else f"{actual:g}"
             text = f"the {word} limit of {name} is {shown}, expected {wanted:g}"
             yield JointFault(text, key, f"{wanted:g}", shown)

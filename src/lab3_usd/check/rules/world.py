@@ -467,11 +467,11 @@ def starts_elsewhere(subject: RobotSubject) -> Iterator[Problem]:
     Example: `{robot}/{base}` at (-1.4, 1.2, 0) on its root, facing 90 degrees.
     """
     robot, stage = subject.robot, subject.stage
-    root = stage.prim(robot.path)
-    base = stage.prim(robot.base)
+    root, base = stage.prim(robot.path), stage.prim(robot.base)
     if root is None or base is None or robot.base_frame not in robot.links:
         return
-    if root.world is None or base.world is None:
+    wanted = subject.lab.scene.stage.meters_per_unit
+    if root.world is None or base.world is None or stage.meters_per_unit != wanted:
         return
     offset = robot.links[robot.base_frame].offset or (0.0, 0.0, 0.0)
     on_root = scaled(offset, 1.0 / (stage.meters_per_unit or 1.0))
