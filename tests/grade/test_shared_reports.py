@@ -102,7 +102,7 @@ def test_other_points_are_written_into_shared_reports(place: Path, tmp_path: Pat
     rubric = tmp_path / "rubric.yaml"
     rubric.write_text((MINI / "rubric.yaml").read_text().replace("points: 10", "points: 20", 1))
     changed = regrade(tmp_path / "book", rubric, LAB)
-    assert {"ana", "ben", "cleo"} <= {grade.student for grade in changed}
+    assert {"ana", "ben", "cleo"} <= {grade.student for grade in changed.changed}
     rows = json.loads((tmp_path / "book" / "grades.json").read_text())["students"]
     assert folders(tmp_path / "book") == {row["shared"]: REPORTS for row in rows}
     scores = {

@@ -167,7 +167,7 @@ def same_usd_value(was: Any, now: Any, margin: Margin) -> bool:
     before, after = _numbers(was), _numbers(now)
     if before is None or after is None:
         return False
-    if isinstance(was, _QUATERNIONS) and math.fsum(map(operator.mul, before, after)) < 0:
+    if isinstance(was, _QUATERNIONS) and sum(map(operator.mul, before, after)) < 0:
         after = [-part for part in after]
     return same_numbers(before, after, margin)
 
