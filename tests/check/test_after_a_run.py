@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import pytest
+from models import LINKS
 from pxr import Gf, Usd, UsdGeom
 from scene_stages import (
     CAMERA,
     JOINTS,
-    LINKS,
     ORIENT,
     ROBOT,
     TRANSLATE,

@@ -16,13 +16,13 @@ from layerings import (
     rover_of_a_missing_asset,
 )
 from linting import linted
+from models import LINKS
 from pxr import Sdf, Usd
 from scene_stages import (
     CAMERA,
     FLOOR,
     JOINTS,
     LIDAR,
-    LINKS,
     ROBOT,
     Change,
     aim,

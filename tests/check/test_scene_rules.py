@@ -8,6 +8,7 @@ from pathlib import Path
 
 import pytest
 from golden import assert_golden, findings_text
+from models import LINKS
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_sabotage import LIGHTS, floor_of_mesh, scene_sabotage, turned_floor
 from scene_stages import (
@@ -15,7 +16,6 @@ from scene_stages import (
     FLOOR,
     JOINTS,
     LIDAR,
-    LINKS,
     MATERIALS,
     ORIENT,
     ROBOT,

@@ -7,11 +7,11 @@ from typing import Any
 import pytest
 from breaking import correct_stage
 from dry_runs import SHORT, driven
+from models import LINKS
 from pxr import Gf, Usd
 from scene_stages import (
     FLOOR,
     JOINTS,
-    LINKS,
     ROBOT,
     Change,
     author,

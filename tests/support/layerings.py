@@ -7,8 +7,9 @@ from pathlib import Path
 
 from foreign_robots import rover
 from handout_table import GRAPHS, graphs_until
+from models import LINKS, ROBOT
 from pxr import Sdf, Usd, UsdGeom, UsdPhysics
-from scene_stages import CAMERA, LIDAR, LINKS, ROBOT, built
+from scene_stages import CAMERA, LIDAR, built
 from second_author import Style, author_graph, author_lab, author_sensors
 
 ROVER = "/World/Rover"

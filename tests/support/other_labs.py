@@ -8,7 +8,17 @@ from functools import cache
 from pathlib import Path
 from unittest.mock import patch
 
-from foreign_robots import TICK, Nodes, add_api, body, empty_stage, revolute, wheel, write_graph
+from foreign_robots import (
+    JOINT_STATES,
+    TICK,
+    Nodes,
+    add_api,
+    body,
+    empty_stage,
+    revolute,
+    wheel,
+    write_graph,
+)
 from grade_files import build_all
 from places import TESTS
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
@@ -153,14 +163,6 @@ _TIME = ("core.IsaacReadSimulationTime", {"resetOnStop": False})
 _COMMON: Nodes = {"tick": _TICK, "context": _CONTEXT}
 _TIMED: Nodes = {**_COMMON, "time": _TIME}
 _ARRAYS = ("parentFrames", "childFrames", "translations", "orientations")
-_READ = (
-    "jointNames",
-    "jointPositions",
-    "jointVelocities",
-    "jointEfforts",
-    "jointDofTypes",
-    "stageMetersPerUnit",
-)
 _SENT = ("jointNames", "positionCommand", "velocityCommand", "effortCommand")
 
 GRAPHS: Mapping[str, tuple[Nodes, tuple[str, ...]]] = {
@@ -183,7 +185,7 @@ GRAPHS: Mapping[str, tuple[Nodes, tuple[str, ...]]] = {
             "read.execOut -> publish.execIn",
             "context.context -> publish.context",
             "time.simulationTime -> publish.timeStamp",
-            *(f"read.{port} -> publish.{port}" for port in _READ),
+            *(f"read.{port} -> publish.{port}" for port in JOINT_STATES),
         ),
     ),
     "Commands": (

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 import math
 
+from models import LINKS
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from sabotage import sensor_sabotage
 from scene_stages import (
     FLOOR,
     JOINTS,
-    LINKS,
     MATERIALS,
     ORIENT,
     ROBOT,

@@ -9,6 +9,7 @@ from typing import Any, NamedTuple
 
 import quick_yaml
 from breaking import copied, correct_stage
+from models import ROBOT
 from pxr import Gf, Sdf, Usd, UsdGeom
 
 from lab3_usd.check.fold import fold
@@ -22,18 +23,9 @@ from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.stage_reader import read_model
 
-ROBOT = "/turtlebot3_burger"
 JOINTS = f"{ROBOT}/joints"
 LIDAR = f"{ROBOT}/base_scan/Lidar2D"
 CAMERA = f"{ROBOT}/base_footprint/Camera_1"
-LINKS = (
-    "base_footprint",
-    "base_link",
-    "base_scan",
-    "caster_back_link",
-    "wheel_left_link",
-    "wheel_right_link",
-)
 WHEELS = {"wheel_left_joint": "wheel_left_link", "wheel_right_joint": "wheel_right_link"}
 FLOOR = "/Environment/GroundPlane/CollisionPlane"
 TRANSLATE, ORIENT, SCALE = "xformOp:translate", "xformOp:orient", "xformOp:scale"
