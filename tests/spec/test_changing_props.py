@@ -24,6 +24,11 @@ HALL = """#usda 1.0
 )
 def Xform "Hall"
 {
+    def PhysicsScene "Physics"
+    {
+        vector3f physics:gravityDirection = (0, -1, 0)
+        float physics:gravityMagnitude = 981
+    }
     def Xform "Goods"
     {
         double3 xformOp:translate = (100, 0, 0)
@@ -66,6 +71,11 @@ props:
       "xformOp:rotateXYZ": [0, 90, 0]
       "xformOp:scale": [1, 2, 1]
     from: "2"
+  gravity:
+    path: /Hall/Physics
+    type: PhysicsScene
+    handout: B5
+    set: {"physics:gravityDirection": [0, -1, 0]}
   steel:
     path: /Hall/Looks/Steel
     type: Material
@@ -89,6 +99,7 @@ props:
 Change = Callable[[Usd.Stage], object]
 LAMP, CRATE, POST = "/Hall/Room/Lamp", "/Hall/Goods/Crate", "/Hall/Room/Post"
 STEEL, SURFACE = "/Hall/Looks/Steel", "/Hall/Looks/Steel/Surface"
+GRAVITY = "/Hall/Physics.physics:gravityDirection"
 LABELS = "semantics:labels:class"
 
 
@@ -269,6 +280,15 @@ MISTAKES: dict[str, tuple[int, Change, tuple[str, str, str]]] = {
         lambda s: placed_by_a_matrix(s, 3),
         ("error", POST, "xformOp:scale of Post is not set, expected [1, 2, 1]"),
     ),
+    "gravity aside": (
+        2,
+        lambda s: s.GetAttributeAtPath(GRAVITY).Set(Gf.Vec3f(1, -1, 0)),
+        (
+            "error",
+            "/Hall/Physics",
+            "physics:gravityDirection of Physics is [1, -1, 0], expected [0, -1, 0]",
+        ),
+    ),
     "metres in a stage of centimetres": (
         2,
         lambda s: s.GetAttributeAtPath(f"{CRATE}.size").Set(0.4),
@@ -315,6 +335,10 @@ def test_a_turn_may_be_asked_for_by_any_operation(
     if not is_turned:
         stage.write_text(stage.read_text().replace("(0, 90, 0)", "(0, 80, 0)"))
     assert told() == ([] if is_turned else [f"xformOp:{operation}"])
+
+
+def test_the_direction_of_gravity_may_have_any_length(course: Path) -> None:
+    assert told(course, 2, lambda s: s.GetAttributeAtPath(GRAVITY).Set(Gf.Vec3f(0, -3, 0))) == []
 
 
 def test_a_material_is_connected_again(course: Path) -> None:
