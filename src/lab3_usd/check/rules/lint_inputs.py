@@ -1,4 +1,4 @@
-"""Rules about inputs that get nothing: nodes that work on zeros, and arrays with gaps."""
+"""Rules about what inputs get: nothing, a wire and a value, another quantity, a wrong name."""
 
 from __future__ import annotations
 
@@ -8,14 +8,28 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.missing_wires import likely_wire, lost_constant, wire_hint
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.arrays import array_items
-from lab3_usd.facts.articulations import commands
+from lab3_usd.facts.articulations import commands, leaves_joints
 from lab3_usd.facts.execution_order import nodes_of
+from lab3_usd.facts.likely_names import did_you_mean, likely_name, likely_port
+from lab3_usd.facts.quantities import quantity_of
 from lab3_usd.facts.reaching_values import effective_value, live_sources
-from lab3_usd.facts.stalled_nodes import is_nothing, is_wired, unmet_needs
+from lab3_usd.facts.stalled_nodes import (
+    feeds,
+    has_side_effects,
+    is_nothing,
+    is_wired,
+    needs_of,
+    unmet_needs,
+)
+from lab3_usd.facts.stuck_nodes import is_made_later
+from lab3_usd.facts.wires import Connection, connections
 from lab3_usd.isaac.behaviour import Need
-from lab3_usd.isaac.node_types import INPUT, NUMBERS
+from lab3_usd.isaac.graph_form import VARIABLE
+from lab3_usd.isaac.node_types import INPUT, NUMBERS, OUTPUT
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.model.stage import Node
+from lab3_usd.model.joint_drives import DRIVE, drive_prefix
+from lab3_usd.model.prims import Prim, upwards
+from lab3_usd.model.stage import Node, StageModel, absence_reason
 
 _MOST = 4  # inputs that a message lists
 
@@ -170,3 +184,272 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                 rests_on=subject.stage.unknown_inputs(node),
                 assumes=((node.path, items.count_port),),
             )
+
+
+@rule(
+    "K25",
+    "value-and-wire",
+    scope="lint",
+    severity="note",
+    formerly="value-under-a-wire",
+    counted=("value overridden by a wire", "values overridden by wires"),
+)
+def value_and_wire(subject: LintSubject) -> Iterator[Problem]:
+    """An input has a connection and a value.
+
+    Why: the wire wins. The value looks effective, and takes effect again when the wire is deleted.
+
+    Fix: clear the value if it is misleading.
+
+    Example: `inputs:jointNames` holds two names and is connected to Make Array.
+
+    Basis: a saved stage keeps the value beside the wire. Kit's code is not public.
+    """
+    for wire in connections(subject.stage):
+        value = wire.node.ports[wire.port].value
+        default = None if wire.node.type is None else wire.node.type.default(wire.port, None)
+        if wire.is_live and value not in (None, default) and not is_nothing(value):
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} is connected: its value {display(value)} is ignored",
+                property=wire.port,
+                actual=display(value),
+                assumes=((wire.node.path, wire.port),),
+            )
+
+
+@rule("K28", "wired-literal", scope="lint", severity="warning")
+def wired_literal(subject: LintSubject) -> Iterator[Problem]:
+    """A wire leads into an input that must be set instead.
+
+    Why: the documentation of the node calls the input literal only, as Array Size of Make Array.
+    Isaac Sim may drop the wire, or read its value only once: what it does is not public.
+
+    Fix: delete the wire and type the value.
+
+    Example: `inputs:arraySize` of Make Array is connected to a Constant Int.
+
+    Basis: NVIDIA's pages of the nodes. Kit's code is not public: a warning.
+    """
+    for wire in connections(subject.stage):
+        port = None if wire.node.type is None else wire.node.type.port(wire.port)
+        if wire.is_live and port is not None and port.literal_only:
+            yield Problem(
+                wire.node.path,
+                f"{wire.port} of {subject.title(wire.node)} is to be set, and is connected",
+                property=wire.port,
+                actual=wire.path,
+                related=(wire.source_prim,),
+                assumes=((wire.node.path, wire.port),),
+            )
+
+
+@rule("K26", "driven-by-messages", scope="lint", severity="warning")
+def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
+    """A node runs only when a message arrives.
+
+    Why: Exec Out of a subscriber fires only when a new message has arrived. The nodes behind it
+    stop when the sender stops: a publisher sends nothing, and a limited acceleration is not
+    completed.
+
+    Fix: trigger the node from On Playback Tick; a subscriber keeps the last message.
+
+    Example: a ROS2 Publish Odometry whose Exec In is connected to ROS2 Subscribe Twist.
+    """
+    judged: set[str] = set()
+    for wire in connections(subject.stage):
+        kind = None if wire.source is None else wire.source.type
+        ends = wire.ports
+        if kind is None or ends is None or not ends[1].is_execution or wire.node.path in judged:
+            continue
+        is_driven = kind.role == "subscriber" and wire.source_port.startswith(OUTPUT)
+        is_alone = all(source == wire.path for source in wire.node.sources(wire.port))
+        if is_driven and is_alone and _has_pace(wire):
+            judged.add(wire.node.path)
+            yield Problem(
+                wire.node.path,
+                f"{subject.title(wire.node)} executes only when a message arrives at "
+                f"{wire.source_prim.rpartition('/')[2]}",
+                property=wire.port,
+                expected="a wire from On Playback Tick",
+                actual=wire.path,
+            )
+
+
+def _has_pace(wire: Connection) -> bool:
+    """Whether a node should compute at every update: it publishes, or works in time."""
+    kind = wire.node.type
+    if kind is None:
+        return False
+    limits = [wire.node.value(port) for port in kind.step_limits]
+    return (has_side_effects(wire.node) and kind.role != "service" and not kind.drives) or any(
+        limits
+    )
+
+
+@rule("K27", "another-quantity", scope="lint", severity="warning")
+def another_quantity(subject: LintSubject) -> Iterator[Problem]:
+    """A wire brings another quantity than its input expects.
+
+    Why: a wire carries any number, so another quantity gives no message, but the robot does not
+    follow its commands. It is an error where nothing moves: speeds as positions of joints whose
+    drives have no stiffness, or as efforts against their damping. So is a time step as a time
+    stamp: the time of the messages does not advance, and no transform fits it; a number of frames
+    runs 60 times too fast.
+
+    Fix: connect the output, or the component of the vector, that the input expects.
+
+    Example: `linear.y` is connected to `inputs:linearVelocity` of a Differential Controller.
+    """
+    typed, needs = subject.platform.quantities, subject.platform.needs
+    stamp = INPUT + subject.platform.ros.stamp
+    meant = nodes_of(lambda kind: kind.type in typed or kind.type in needs, subject.stage)
+    for node in meant:
+        for port, quantities in _quantities(node, subject).items():
+            given = quantity_of(node, port, subject.stage)
+            if given is not None and given.name not in quantities:
+                is_still = (given.name == _STEP and port == stamp) or (
+                    given.name in _SPEEDS and _moves_nothing(node, port, subject)
+                )
+                yield Problem(
+                    node.path,
+                    f"{port} expects {' or '.join(quantities)}, but {given.maker.name} provides "
+                    f"{given.name}",
+                    property=port,
+                    expected=" or ".join(quantities),
+                    actual=given.name,
+                    related=(given.maker.path,),
+                    severity="error" if is_still else None,
+                )
+
+
+_TIME, _STEP = "the time", "a time step"
+_SPEEDS = ("speeds of wheels", "speeds of joints")
+
+
+def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
+    """Return the quantities that the inputs of a node are meant for; a stamp that counts is one."""
+    quantity = None if node.type is None else subject.platform.quantities.get(node.type.type)
+    takes = (
+        {} if quantity is None else {INPUT + short: each for short, each in quantity.takes.items()}
+    )
+    needed = {
+        INPUT + name
+        for need in needs_of(node, subject.platform, subject.live)
+        for name in need.inputs
+    }
+    stamp = INPUT + subject.platform.ros.stamp
+    return {**takes, stamp: (_TIME,)} if stamp in needed else takes
+
+
+def _moves_nothing(node: Node, port: str, subject: LintSubject) -> bool:
+    return any(
+        command.node is node and leaves_joints(command, port, subject.stage)
+        for command in commands(subject.stage)
+    )
+
+
+# Inputs of Kit's nodes that read or write a prim, by the pages of Read and Write Prim Attribute:
+# the prim itself, or its path where that is to be used, and the property.
+_PRIM, _PATH, _BY_PATH, _PROPERTY = (
+    INPUT + name for name in ("prim", "primPath", "usePath", "name")
+)
+_OF_DRIVES = "drive:"
+# UsdPhysics, PhysicsDriveAPI
+_DRIVE_NAMES = ("damping", "maxForce", "stiffness", "targetPosition", "targetVelocity", "type")
+
+
+@rule("K99", "unknown-name", scope="lint")
+def unknown_name(subject: LintSubject) -> Iterator[Problem]:
+    """A node names a variable, prim or property that does not exist.
+
+    Why: it reads nothing, writes nothing, or never signals; what depends on it gets no value. A
+    script of the stage can make variables while it runs: then it is a warning.
+
+    Fix: correct the name, or create the variable in Window > Graph Editors > Variables.
+
+    Example: Write Prim Attribute with `inputs:primPath = "/World/Rovr"`, a robot called
+    `/World/Rover`.
+    """
+    for node in subject.live.values():
+        if node.type is None or not (subject.runs(node.path) or feeds(node, subject.stage)):
+            continue
+        if node.type.variable:
+            yield from _variable(node, node.type.variable[0], subject)
+        elif node.has_port(_BY_PATH) and node.has_port(_PATH):
+            yield from _prim_and_property(node, subject)
+
+
+def _variable(node: Node, port: str, subject: LintSubject) -> Iterator[Problem]:
+    """Yield that the graph of a node has no variable of the name that it reads or sets."""
+    name = effective_value(node, port, subject.live)
+    variables = _variables(node.path, subject.stage)
+    if not isinstance(name, str) or name in variables:
+        return
+    near, stage = likely_name(name, variables), subject.stage
+    # Nothing of a scene makes variables in the graphs that a script makes.
+    missing = (stage.unknown_node if stage.build else stage.unknown)(node.path)
+    what = f"is {display(name)}, which is not a variable of its graph{did_you_mean(near)}"
+    yield Problem(
+        node.path,
+        f"{port} {what if name else 'is empty: it names no variable of its graph'}",
+        property=port,
+        expected=near or ", ".join(variables) or "a variable of the graph",
+        actual=name,
+        severity="warning" if stage.scripts else None,
+        rests_on=stage.unknown_inputs(node) or missing,
+    )
+
+
+def _variables(path: str, stage: StageModel) -> list[str]:
+    """Return the variables of the graphs around a node: a compound is a graph in a graph."""
+    above = {*upwards(path)}
+    graphs = (graph for graph in stage.graphs if graph.path in above)
+    return [
+        name.removeprefix(VARIABLE)
+        for graph in graphs
+        for name in (*graph.attributes, *(VARIABLE + own for own in graph.variables))
+        if name.startswith(VARIABLE)
+    ]
+
+
+def _prim_and_property(node: Node, subject: LintSubject) -> Iterator[Problem]:
+    """Yield that there is no prim at a path, or that its property is misspelt."""
+    path = next(iter(node.targets(_PRIM)), "")
+    if effective_value(node, _BY_PATH, subject.live) is True:
+        written = effective_value(node, _PATH, subject.live)
+        path = written if isinstance(written, str) else ""
+        if path and subject.stage.prim(path) is None and not is_made_later(path, subject.stage):
+            is_path = path.startswith("/")
+            reason = absence_reason(subject.stage, path) if is_path else "is not a path of a prim"
+            yield Problem(
+                node.path,
+                f"{_PATH} is {display(path)}, which {reason}",
+                property=_PATH,
+                expected="the path of a prim",
+                actual=path,
+                severity="warning" if subject.is_module else None,
+                rests_on=subject.stage.unknown(path) if is_path else None,
+            )
+    prim, name = subject.stage.prim(path), effective_value(node, _PROPERTY, subject.live)
+    if prim is None or not isinstance(name, str) or not name or name in _properties(prim):
+        return
+    # A name that is in no file may be of a schema: not every other one is misspelt.
+    ports = {f"{INPUT}{own}": own for own in _properties(prim)}
+    near = ports.get(likely_port(INPUT + name, [*ports]) or "")
+    if near or name.startswith(_OF_DRIVES):
+        yield Problem(
+            node.path,
+            f"{_PROPERTY} is {display(name)}, and {path} has no such property{did_you_mean(near)}",
+            property=_PROPERTY,
+            expected=near or "a property of the prim",
+            actual=name,
+            rests_on=subject.stage.unknown(path),
+        )
+
+
+def _properties(prim: Prim) -> list[str]:
+    """Return the properties of a prim that its file has, and those of its drives."""
+    kinds = (api.removeprefix(f"{DRIVE}:") for api in prim.apis if api.startswith(f"{DRIVE}:"))
+    driven = (drive_prefix(kind) + name for kind in kinds for name in _DRIVE_NAMES)
+    return [*prim.attributes, *prim.relationships, *driven]
