@@ -303,7 +303,7 @@ class TfPorts(Struct, frozen=True, forbid_unknown_fields=True):
         return (*self.names, *self.prims, *self.arrays)
 
 
-class ProductPorts(Struct, frozen=True):
+class ProductPorts(Struct, frozen=True, forbid_unknown_fields=True):
     """Which ports of a type make a render product.
 
     `named` is the prim of a product that is used as it is, where there is one; `camera` and `size`
@@ -328,16 +328,25 @@ class JointList(Struct, frozen=True, forbid_unknown_fields=True):
     attribute: str
 
 
-class DrivePorts(Struct, frozen=True):
+class DrivePorts(Struct, frozen=True, forbid_unknown_fields=True):
     """Which ports of a type move joints.
 
-    `path` names the robot and wins where it is set, `target` is its prim otherwise. `joints`: the
-    names of the joints, `indices` their numbers, all where both are empty. `commands`: their
-    positions, velocities and efforts.
+    `robot`: its path, which wins where it is set, and its prim. `joints`: the names of the joints,
+    `indices` their numbers, all where both are empty. `commands`: their positions, velocities and
+    efforts.
     """
 
-    path: str
-    target: str
+    robot: tuple[str, str]
     joints: str
     indices: str
     commands: tuple[str, str, str]
+
+    @property
+    def path(self) -> str:
+        """The input with the path of the robot."""
+        return self.robot[0]
+
+    @property
+    def target(self) -> str:
+        """The relationship to the prim of the robot."""
+        return self.robot[1]

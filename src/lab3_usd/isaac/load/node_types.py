@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, Literal, TypeVar
 
 from msgspec import Struct
@@ -26,7 +26,9 @@ from lab3_usd.isaac.values import Value, is_known_type, typed_value
 from lab3_usd.yaml_file import as_record
 
 _RELATIONSHIP = "rel"
+_NO_PORT = "attribute"  # of prims, in a record of ports
 Fact = TypeVar("Fact")
+_Ports = TypeVar("_Ports", TfPorts, DrivePorts, JointList, ProductPorts, Choice)
 
 
 class PortEntry(Struct, forbid_unknown_fields=True):
@@ -40,19 +42,6 @@ class PortEntry(Struct, forbid_unknown_fields=True):
     deprecated: bool = False
     former: Any = None
     literal_only: bool = False
-
-
-class _DrivesEntry(Struct, forbid_unknown_fields=True):
-    robot: tuple[str, str]
-    joints: str
-    indices: str
-    commands: tuple[str, str, str]
-
-
-class _ProductEntry(Struct, forbid_unknown_fields=True):
-    named: str
-    camera: str
-    size: tuple[str, str]
 
 
 class TypeEntry(Struct, forbid_unknown_fields=True):
@@ -85,9 +74,9 @@ class TypeEntry(Struct, forbid_unknown_fields=True):
     time_step: tuple[str, ...] = ()
     step_limits: tuple[str, ...] = ()
     sizes: dict[str, int] = {}
-    drives: _DrivesEntry | None = None
+    drives: DrivePorts | None = None
     lists_joints: JointList | None = None
-    product: _ProductEntry | None = None
+    product: ProductPorts | None = None
     same_in_metres: tuple[str, ...] = ()
     variable: tuple[str, ...] = ()
     choice: Choice | None = None
@@ -176,17 +165,19 @@ def _node_type(
         frames=_named(entry.frames, INPUT, ports, f"{where}: frames"),
         message={"": entry.message} if isinstance(entry.message, str) else entry.message,
         moved=entry.moved,
-        tf=_tf_ports(entry.tf, ports, f"{where}: tf"),
+        tf=_with_names(entry.tf, ports, f"{where}: tf", outputs=("gives",)),
         articulation=_named(entry.articulation, INPUT, ports, f"{where}: articulation"),
         time_step=_named(entry.time_step, INPUT, ports, f"{where}: time_step"),
         step_limits=_named(entry.step_limits, INPUT, ports, f"{where}: step_limits"),
         sizes=_by_port(entry.sizes, OUTPUT, ports, f"{where}: sizes"),
-        drives=_drive_ports(entry.drives, ports, f"{where}: drives"),
-        lists_joints=_joint_list(entry.lists_joints, ports, f"{where}: lists_joints"),
-        product=_product_ports(entry.product, ports, f"{where}: product"),
+        drives=_with_names(entry.drives, ports, f"{where}: drives"),
+        lists_joints=_with_names(
+            entry.lists_joints, ports, f"{where}: lists_joints", outputs=("output",)
+        ),
+        product=_with_names(entry.product, ports, f"{where}: product"),
         same_in_metres=_named(entry.same_in_metres, INPUT, ports, f"{where}: same_in_metres"),
         variable=_named(entry.variable, INPUT, ports, f"{where}: variable"),
-        choice=_choice(entry.choice, ports, f"{where}: choice"),
+        choice=_with_names(entry.choice, ports, f"{where}: choice", outputs=("outputs",)),
         grows_by_message=entry.grows_by_message,
         grows={
             pattern: parse_port(pattern, port, usd_types, f"{where}: grows")
@@ -258,52 +249,18 @@ def _by_port(
     return dict(zip(_named(facts, prefix, ports, where), facts.values(), strict=True))
 
 
-def _joint_list(entry: JointList | None, ports: Mapping[str, Port], where: str) -> JointList | None:
+def _with_names(
+    entry: _Ports | None, ports: Mapping[str, Port], where: str, outputs: Collection[str] = ()
+) -> _Ports | None:
+    """Return a record of ports with their full names: of inputs, but for the fields `outputs`."""
     if entry is None:
         return None
-    (output,) = _named((entry.output,), OUTPUT, ports, where)
-    prim, path, by_path = _named((entry.prim, entry.path, entry.by_path), INPUT, ports, where)
-    return replace(entry, output=output, prim=prim, path=path, by_path=by_path)
-
-
-def _choice(entry: Choice | None, ports: Mapping[str, Port], where: str) -> Choice | None:
-    if entry is None:
-        return None
-    (by,) = _named((entry.by,), INPUT, ports, where)
-    first, second = _named(entry.outputs, OUTPUT, ports, where)
-    return Choice(by, (first, second))
-
-
-def _tf_ports(entry: TfPorts | None, ports: Mapping[str, Port], where: str) -> TfPorts | None:
-    if entry is None:
-        return None
-    static = () if entry.static is None else (entry.static,)
-    return TfPorts(
-        names=_named(entry.names, INPUT, ports, where),
-        arrays=_named(entry.arrays, INPUT, ports, where),
-        prims=_named(entry.prims, INPUT, ports, where),
-        gives=_named(entry.gives, OUTPUT, ports, where),
-        static=next(iter(_named(static, INPUT, ports, where)), None),
-    )
-
-
-def _drive_ports(
-    entry: _DrivesEntry | None, ports: Mapping[str, Port], where: str
-) -> DrivePorts | None:
-    if entry is None:
-        return None
-    path, target, joints, indices, position, velocity, effort = _named(
-        (*entry.robot, entry.joints, entry.indices, *entry.commands), INPUT, ports, where
-    )
-    return DrivePorts(path, target, joints, indices, (position, velocity, effort))
-
-
-def _product_ports(
-    entry: _ProductEntry | None, ports: Mapping[str, Port], where: str
-) -> ProductPorts | None:
-    if entry is None:
-        return None
-    named, camera, width, height = _named(
-        (entry.named, entry.camera, *entry.size), INPUT, ports, where
-    )
-    return ProductPorts(named, camera, (width, height))
+    full: dict[str, str | tuple[str, ...]] = {}
+    for field in entry.__struct_fields__:
+        written = getattr(entry, field)
+        if written is None or field == _NO_PORT:
+            continue
+        names = (written,) if isinstance(written, str) else written
+        named = _named(names, OUTPUT if field in outputs else INPUT, ports, where)
+        full[field] = named[0] if isinstance(written, str) else named
+    return replace(entry, **full)
