@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import re
 import reprlib
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -187,6 +188,22 @@ def as_record(data: Any, kind: type[_T], where: str) -> _T:
         if named and is_value:
             names[named[-1]] = f"'{names[named[-1]]}'"
         raise SpecError(": ".join((where, *names)) + (" " if is_value else ": ") + fault) from error
+
+
+def read_record(path: Path, kind: type[_T]) -> _T:
+    """Return what a file says as a value of `kind`; a large one is JSON, which is read sooner.
+
+    Raises:
+        SpecError: the file is missing or wrong; the line opens with its folder and its name.
+    """
+    where = f"{path.parent.name}/{path.name}"
+    if path.suffix != ".json":
+        return as_record(read_yaml(path), kind, where)
+    try:
+        data = json.loads(path.read_bytes())
+    except (OSError, ValueError) as error:
+        raise SpecError(f"{where}: cannot be read ({error})") from error
+    return as_record(data, kind, where)
 
 
 def _parse(kind: Any, data: Any) -> Any:

@@ -52,37 +52,20 @@ class RosNames(Struct, frozen=True, forbid_unknown_fields=True):
     tree_topics: tuple[str, ...]
 
 
-class Platform(Struct, frozen=True, eq=False, dict=True):
-    """What Isaac Sim is in one release, apart from any lab.
+class GraphRuns(Struct, frozen=True):
+    """How Isaac Sim runs graphs, as `omnigraph.yaml` says it.
 
-    `types` are the node types by their names in this release, `base` those of the release that all
-    others are told apart from, and `releases` what those have otherwise; `changes` are what else
-    differs. `names` are those of other releases; `lookalikes` are no names of any, and which types
-    they likely mean, `deprecated` those that Kit may still have, and their successors.
-
-    `events` maps each type that starts execution by itself to the pipeline stage of the graphs in
-    which it fires, '' if the stage file does not decide that. `by_hand` are the events that need a
-    user at the screen, `deltas` the outputs with the length of a step. `once` are the types with
-    outputs that signal a single time after Play, `gates` those that block signals while the named
-    input is 0, `passing` those that pass every signal. Prims without a parent are below
-    `world_frame`. `writers` change the scene or the run. Properties that begin with a prefix of
-    `appearance` change only the look, with one of `surfaces` they move what lies on a body.
-    `placed` are the types of prims, apart from bodies, whose pose matters; `attributes` are read in
-    addition to the usual ones. `recipes` are graphs that can be added to a stage, by kind.
+    `lookalikes` are no names of types in any release, and which types they likely mean,
+    `deprecated` those that Kit may still have, and their successors. `by_hand` are the events that
+    need a user at the screen. `once` are the types with outputs that signal a single time after
+    Play, `gates` those that block signals while the named input is 0, `passing` those that pass
+    every signal. Prims without a parent are below `world_frame`. `writers` change the scene or the
+    run. Properties that begin with a prefix of `appearance` change only the look, with one of
+    `surfaces` they move what lies on a body.
     """
 
-    release: str
-    types: Mapping[str, NodeType]
-    base: Mapping[str, NodeType]
-    releases: Mapping[str, Release]
-    usd_types: Mapping[str, str]
-    graph: GraphForm
-    names: Names
-    changes: ReleaseChanges
     lookalikes: Mapping[str, str]
     deprecated: Mapping[str, str]
-    events: Mapping[str, str]
-    deltas: Mapping[str, str]
     by_hand: frozenset[str]
     once: Mapping[str, SingleSignal]
     passing: frozenset[str]
@@ -94,6 +77,32 @@ class Platform(Struct, frozen=True, eq=False, dict=True):
     writers: Mapping[str, WriterPorts]
     appearance: tuple[str, ...]
     surfaces: tuple[str, ...]
+
+
+class Platform(GraphRuns, frozen=True, eq=False, dict=True):
+    """What Isaac Sim is in one release, apart from any lab.
+
+    `types` are the node types by their names in this release, `base` those of the release that all
+    others are told apart from, and `releases` what those have otherwise; `changes` are what else
+    differs. `names` are those of other releases.
+
+    `events` maps each type that starts execution by itself to the pipeline stage of the graphs in
+    which it fires, '' if the stage file does not decide that; `deltas` are the outputs with the
+    length of a step. `placed` are the types of prims, apart from bodies, whose pose matters;
+    `attributes` are read in addition to the usual ones. `recipes` are graphs that can be added to a
+    stage, by kind.
+    """
+
+    release: str
+    types: Mapping[str, NodeType]
+    base: Mapping[str, NodeType]
+    releases: Mapping[str, Release]
+    usd_types: Mapping[str, str]
+    graph: GraphForm
+    names: Names
+    changes: ReleaseChanges
+    events: Mapping[str, str]
+    deltas: Mapping[str, str]
     ros: RosNames
     transform_messages: frozenset[str]
     needs: Mapping[str, tuple[Need, ...]]

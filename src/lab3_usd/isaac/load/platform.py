@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import json
 import re
 from collections.abc import Mapping
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -14,28 +13,23 @@ from msgspec.structs import replace
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.behaviour import (
     BodyOf,
-    Building,
-    Door,
     JointsOf,
     Need,
     QuantityOf,
-    Scripts,
     SensorOf,
-    SingleSignal,
     TargetOf,
     UnitOf,
-    WriterPorts,
 )
 from lab3_usd.isaac.load.graph_form import GraphEntry, graph_form
 from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
 from lab3_usd.isaac.load.sensor_models import sensor_models
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import INPUT, NodeType
-from lab3_usd.isaac.platform import Platform, RosNames
+from lab3_usd.isaac.platform import GraphRuns, Platform, RosNames
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.isaac.release_changes import ANY, ReleaseChanges
 from lab3_usd.isaac.releases import BASE, Release, TypeChanges, both_changes, order
-from lab3_usd.yaml_file import as_record, read_yaml
+from lab3_usd.yaml_file import as_record, read_record, read_yaml
 
 
 class EventEntry(Struct, forbid_unknown_fields=True):
@@ -45,25 +39,12 @@ class EventEntry(Struct, forbid_unknown_fields=True):
     delta: str = ""
 
 
-class _SystemFile(Struct, forbid_unknown_fields=True):
+class _SystemFile(GraphRuns, frozen=True, forbid_unknown_fields=True):
     """How Isaac Sim saves and runs graphs."""
 
     usd_types: dict[str, str]
-    lookalikes: dict[str, str]
-    deprecated: dict[str, str]
     events: dict[str, EventEntry]
-    by_hand: frozenset[str]
-    once: dict[str, SingleSignal]
-    passing: frozenset[str]
-    gates: dict[str, str]
-    doors: dict[str, Door]
-    scripts: Scripts
-    building: Building
-    world_frame: str
     graph: GraphEntry
-    writers: dict[str, WriterPorts]
-    appearance: tuple[str, ...]
-    surfaces: tuple[str, ...]
     types: dict[str, Any]
 
 
@@ -83,9 +64,7 @@ def transform_messages(types: Mapping[str, NodeType]) -> frozenset[str]:
     return frozenset(message for kind in senders if (message := kind.message.get("")))
 
 
-_Fact = TypeVar("_Fact")
 SYSTEM = "omnigraph.yaml"
-ROS = "ros.yaml"
 TYPES = "node_types.yaml"
 KIT_TYPES = "kit_types.json"
 ROLES = "roles.yaml"
@@ -95,13 +74,6 @@ LATER = "later_releases.yaml"
 EARLY = "early_releases.yaml"
 RENAMES = "renames.yaml"
 CHANGES = "release_changes.yaml"
-SENSORS = "sensors.yaml"
-BODIES = "bodies.yaml"
-JOINTS = "joints.yaml"
-UNITS = "units.yaml"
-TARGETS = "targets.yaml"
-QUANTITIES = "quantities.yaml"
-APPLICATION = "application.yaml"
 RECIPES = "recipes"
 _WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
 
@@ -173,11 +145,11 @@ def assemble_platform(folder: Path) -> Platform:
         SpecError: a file is missing or wrong.
     """
     name = folder.name
-    system = as_record(read_yaml(folder / SYSTEM), _SystemFile, f"{name}/{SYSTEM}")
+    system = read_record(folder / SYSTEM, _SystemFile)
     data = read_yaml(folder / TYPES)
-    later = as_record(read_yaml(folder / LATER), _LaterReleases, f"{name}/{LATER}")
+    later = read_record(folder / LATER, _LaterReleases)
     usd_types = {**system.usd_types, **data["usd_types"], **later.usd_types}
-    kit = _read_kit(folder / KIT_TYPES)
+    kit = read_record(folder / KIT_TYPES, _KitFile)
     usd_types = {**kit.usd_types, **usd_types}
     library = {
         kind: {**entry, "is_documented": True}
@@ -190,22 +162,19 @@ def assemble_platform(folder: Path) -> Platform:
         for file, entries in _with_roles(files, folder).items()
         for kind, node_type in parse_types(entries, usd_types, f"{name}/{file}").items()
     }
-    names = as_record(read_yaml(folder / RENAMES), _Renames, f"{name}/{RENAMES}")
-    earlier = as_record(
-        _tuples(read_yaml(folder / VERSIONS)), dict[str, _ReleaseEntry], f"{name}/{VERSIONS}"
-    )
+    names = read_record(folder / RENAMES, _Renames)
+    earlier = read_record(folder / VERSIONS, dict[str, _ReleaseEntry])
     releases = {
         release: _release(entry, usd_types, f"{name}: {release}")
         for release, entry in {**earlier, **later.releases}.items()
     }
-    early = as_record(_tuples(read_yaml(folder / EARLY)), _EarlyReleases, f"{name}/{EARLY}")
+    early = read_record(folder / EARLY, _EarlyReleases)
     releases |= _early(early, releases, usd_types, f"{name}/{EARLY}")
-
-    def by_type(file: str, kind: type[_Fact]) -> dict[str, _Fact]:
-        return as_record(read_yaml(folder / file), dict[str, kind], f"{name}/{file}")  # type: ignore[valid-type]
-
     recipes = _load_recipes(folder, types)
-    sensors, targets = by_type(SENSORS, SensorOf), by_type(TARGETS, TargetOf)
+    sensors = read_record(folder / "sensors.yaml", dict[str, SensorOf])
+    targets = read_record(folder / "targets.yaml", dict[str, TargetOf])
+    marks = (recipe.joint_mark for recipe in recipes.values())
+    switches = (target.switch for target in targets.values())
     return Platform(
         release=BASE,
         types=types,
@@ -221,59 +190,24 @@ def assemble_platform(folder: Path) -> Platform:
             ports=other_ports(names.ports, types, f"{name}/{RENAMES}: ports"),
         ),
         changes=_changes_of(folder, types, releases),
-        lookalikes=system.lookalikes,
-        deprecated=system.deprecated,
+        **{name: getattr(system, name) for name in GraphRuns.__struct_fields__},
         events={**dict.fromkeys(kit.events, ""), **stages_of(system.events)},
         deltas=deltas_of(system.events),
-        by_hand=system.by_hand,
-        once=system.once,
-        passing=system.passing,
-        gates=system.gates,
-        doors=system.doors,
-        scripts=system.scripts,
-        building=system.building,
-        world_frame=system.world_frame,
-        writers=system.writers,
-        appearance=system.appearance,
-        surfaces=system.surfaces,
-        ros=as_record(read_yaml(folder / ROS), RosNames, f"{name}/{ROS}"),
+        ros=read_record(folder / "ros.yaml", RosNames),
         transform_messages=transform_messages(types),
         needs=_needs(folder, types, releases),
         sensors=sensors,
         sensor_models=sensor_models(folder),
-        bodies=by_type(BODIES, BodyOf),
-        joints=by_type(JOINTS, JointsOf),
-        units=by_type(UNITS, UnitOf),
+        bodies=read_record(folder / "bodies.yaml", dict[str, BodyOf]),
+        joints=read_record(folder / "joints.yaml", dict[str, JointsOf]),
+        units=read_record(folder / "units.yaml", dict[str, UnitOf]),
         targets=targets,
-        attributes=frozenset(
-            name
-            for name in (
-                *(target.switch for target in targets.values()),
-                *(recipe.joint_mark for recipe in recipes.values()),
-            )
-            if name
-        ),
-        quantities=by_type(QUANTITIES, QuantityOf),
-        application_prims=as_record(
-            read_yaml(folder / APPLICATION), _Application, f"{name}/{APPLICATION}"
-        ).prims,
+        attributes=frozenset(filter(None, (*marks, *switches))),
+        quantities=read_record(folder / "quantities.yaml", dict[str, QuantityOf]),
+        application_prims=read_record(folder / "application.yaml", _Application).prims,
         placed=frozenset(kind for sensor in sensors.values() for kind in sensor.types),
         recipes=recipes,
     )
-
-
-def _read_kit(file: Path) -> _KitFile:
-    """Return the types of Kit, which are read as JSON: so many take long to read as YAML.
-
-    Raises:
-        SpecError: the file is missing or wrong.
-    """
-    where = f"{file.parent.name}/{file.name}"
-    try:
-        data = json.loads(file.read_bytes())
-    except (OSError, ValueError) as error:
-        raise SpecError(f"{where}: cannot be read ({error})") from error
-    return as_record(data, _KitFile, where)
 
 
 def other_types(said: Mapping[str, Mapping[str, str]]) -> dict[str, OtherName]:
@@ -396,7 +330,7 @@ def _needs(
     folder: Path, types: Mapping[str, NodeType], releases: Mapping[str, Release]
 ) -> dict[str, tuple[Need, ...]]:
     where = f"{folder.name}/{NEEDS}"
-    needs = as_record(read_yaml(folder / NEEDS), dict[str, tuple[Need, ...]], where)
+    needs = read_record(folder / NEEDS, dict[str, tuple[Need, ...]])
     for name, entries in needs.items():
         kind = types.get(name)
         if kind is None:

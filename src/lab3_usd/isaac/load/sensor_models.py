@@ -2,14 +2,12 @@
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.errors import SpecError
 from lab3_usd.isaac.sensor_models import (
     LidarNames,
     LongList,
@@ -18,10 +16,7 @@ from lab3_usd.isaac.sensor_models import (
     SensorModels,
     SensorSchema,
 )
-from lab3_usd.yaml_file import as_record, read_yaml
-
-SCHEMAS = "sensor_schemas.json"
-MODELS = "sensor_models.yaml"
+from lab3_usd.yaml_file import read_record
 
 
 class _SchemaFile(Struct, forbid_unknown_fields=True):
@@ -42,13 +37,8 @@ def sensor_models(folder: Path) -> SensorModels:
     Raises:
         SpecError: a file is missing or wrong.
     """
-    where = f"{folder.name}/{SCHEMAS}"
-    try:
-        data = json.loads((folder / SCHEMAS).read_bytes())
-    except (OSError, ValueError) as error:
-        raise SpecError(f"{where}: cannot be read ({error})") from error
-    schemas = as_record(data, _SchemaFile, where).schemas
-    said = as_record(read_yaml(folder / MODELS), _ModelFile, f"{folder.name}/{MODELS}")
+    schemas = read_record(folder / "sensor_schemas.json", _SchemaFile).schemas
+    said = read_record(folder / "sensor_models.yaml", _ModelFile)
     return SensorModels(
         {name: replace(schema, attributes=_read(schema)) for name, schema in schemas.items()},
         said.schemas,
