@@ -83,7 +83,7 @@ ERRORS: dict[str, Case] = {
         ),
         (
             "ROS_Drive.yaml: articulation_controller: targetPrim: "
-            "'/turtlebot3_burger/base_footprnt' is not a prim of the starter, and no sensor, "
+            "'/turtlebot3_burger/base_footprnt' is not a prim, "
             "'/turtlebot3_burger/base_footprint' is (starter.yaml)"
         ),
     ),
@@ -509,7 +509,7 @@ def test_a_target_is_looked_up_in_the_stages_that_are_given(folder: Path) -> Non
     result = invoke("lab", "check", folder, "--from", stage)
     assert result.output.startswith(
         "error ROS_Drive.yaml: articulation_controller: targetPrim: "
-        "'/turtlebot3_burger/base_foot' is not a prim of the stages or the starter, and no sensor, "
+        "'/turtlebot3_burger/base_foot' is not a prim, "
         f"'/turtlebot3_burger/base_footprint' is ({stage.name}), at {drive}:"
     )
     assert result.output.endswith("Mini: 1 error, 0 warnings\n")

@@ -142,7 +142,7 @@ REFUSED = {
     "a topic of no graph": (
         "topic: /r2/tf",
         "topic: /r3/tf",
-        "the graphs send no transforms on '/r3/tf'",
+        "'/r3/tf' is not a topic of the graphs' transforms",
     ),
     "edges as well": (
         "  trees:",

@@ -120,14 +120,14 @@ def test_a_variable_that_a_graph_reads_and_does_not_have_is_said(folder: Path) -
         line for line in invoke("lab", "check", folder).output.splitlines() if "running" in line
     ]
     assert len(lines) == 1
-    assert "names 'running', and the graph has no such variable" in lines[0]
+    assert "'running' is not a variable of the graph" in lines[0]
 
 
 def test_what_the_built_stage_shows_as_well_is_said_once(shared: Path) -> None:
     said = invoke("lab", "check", shared / "courses" / "yard").output.splitlines()
-    assert [line.partition(", ")[0] for line in said[:-1]] == [
-        "warning Belt.yaml: running: variableName: names 'running'",
-        "warning Belt.yaml: speed: variableName: names 'speed'",
+    assert [line.partition(" (")[0] for line in said[:-1]] == [
+        "warning Belt.yaml: running: variableName: 'running' is not a variable of the graph",
+        "warning Belt.yaml: speed: variableName: 'speed' is not a variable of the graph",
     ]
 
 

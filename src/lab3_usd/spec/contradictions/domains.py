@@ -8,7 +8,7 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.spec.contradictions.names import (
     LabFault,
     file_of,
-    nearest_name,
+    likely,
     spec_value,
     transform_topics,
 )
@@ -65,9 +65,8 @@ def tree_faults(lab: Lab) -> Iterator[LabFault]:
     sent = sorted(transform_topics(lab))
     for tree in lab.frames.trees:
         if tree.topic not in sent:
-            likely = nearest_name(tree.topic, sent)
-            hint = f", on '{likely}' they do" if likely else ""
-            message = f"the graphs send no transforms on '{tree.topic}'{hint}"
+            hint = likely(tree.topic, sent)
+            message = f"'{tree.topic}' is not a topic of the graphs' transforms{hint}"
             yield LabFault(CHECKPOINTS, f"frames: trees: {tree.topic}", message)
 
 
@@ -81,8 +80,7 @@ def variable_faults(lab: Lab) -> Iterator[LabFault]:
                 continue
             name = spec_value(node, port)
             if name not in variables:
-                likely = nearest_name(str(name), variables)
-                hint = f"; did you mean '{likely}'?" if likely else ""
-                message = f"names '{name}', and the graph has no such variable{hint}"
+                hint = likely(str(name), variables)
+                message = f"'{name}' is not a variable of the graph{hint}"
                 key = f"{node.role}: {port.partition(':')[2]}"
                 yield LabFault(file_of(graph), key, message, "variables", "warning")

@@ -57,6 +57,12 @@ def nearest_name(name: str, names: Iterable[str]) -> str | None:
     return next(iter(get_close_matches(name, tuple(names), 1)), None)
 
 
+def likely(name: str, names: Iterable[str]) -> str:
+    """Return the end of a sentence about an unknown name: which one was likely meant."""
+    meant = nearest_name(name, names)
+    return f", '{meant}' is" if meant else ""
+
+
 class GraphTopic(Struct, frozen=True):
     """A topic of one node; `type` is its message type, None where the spec does not say.
 
@@ -236,9 +242,7 @@ def frame_contradictions(lab: Lab) -> Iterator[LabFault]:
     named = [(frame.file, frame.key, frame.child) for frame in (*given, *named_frames(lab))]
     for file, key, frame in (*named, *_references(lab)):
         if frame not in tree:
-            meant = nearest_name(frame, tree)
-            hint = f", '{meant}' is" if meant else ""
-            message = f"'{frame}' is not a frame of the tree{hint}"
+            message = f"'{frame}' is not a frame of the tree{likely(frame, tree)}"
             yield LabFault(file, key, message, f"{CHECKPOINTS}: {TREE}")
 
 
@@ -290,8 +294,7 @@ def _misplaced_localization(lab: Lab) -> Iterator[LabFault]:
     parents = {child: parent for parent, child in lab.frames.edges}
     frames = [frame for edge in lab.frames.edges for frame in edge]
     if root not in frames:
-        meant = nearest_name(root, frames)
-        message = f"'{root}' is not a frame of the tree" + (f", '{meant}' is" if meant else "")
+        message = f"'{root}' is not a frame of the tree{likely(root, frames)}"
         yield LabFault(CHECKPOINTS, key, message, f"{CHECKPOINTS}: {TREE}")
     elif parents.get(root, above) != above:
         parent = parents[root]
@@ -376,7 +379,7 @@ def _about_topic(lab: Lab, topic: TopicSpec, given: list[GraphTopic]) -> Iterato
         if (topic.source is None and not topic.optional) or topic.subscribed:
             does = "subscribes to" if topic.subscribed else "publishes"
             message = f"no node of a graph {does} '{topic.name}'"
-            yield LabFault(ROS, key, message, _likely(lab, topic, ends))
+            yield LabFault(ROS, key, message, _other_name(lab, topic, ends))
         return
     for graph_topic in same:
         if graph_topic.type is not None and graph_topic.type != topic.type:
@@ -420,7 +423,7 @@ def _too_early(lab: Lab, topic: TopicSpec, same: list[GraphTopic]) -> Iterator[L
     yield LabFault(ROS, f"topics: {topic.name}", message, first[1].place)
 
 
-def _likely(lab: Lab, topic: TopicSpec, ends: Iterable[GraphTopic]) -> str:
+def _other_name(lab: Lab, topic: TopicSpec, ends: Iterable[GraphTopic]) -> str:
     """Return the place in the graphs where the topic has another name, as it seems."""
     free = [end for end in ends if end.name not in lab.ros.topics]
     alike = [graph_topic for graph_topic in free if graph_topic.type == topic.type]

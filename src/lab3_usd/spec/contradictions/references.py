@@ -21,8 +21,8 @@ from lab3_usd.spec.contradictions.names import (
     LabFault,
     file_of,
     frame_contradictions,
+    likely,
     misspelled,
-    nearest_name,
     topic_faults,
 )
 from lab3_usd.spec.contradictions.props import prop_faults
@@ -110,8 +110,7 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield names in the rules for all graphs that are none, and nodes before their graph."""
     policy, types = lab.policy, lab.platform.types
     if policy.tick not in types:
-        meant = nearest_name(policy.tick, lab.platform.events)
-        hint = f", '{meant}' is" if meant else ""
+        hint = likely(policy.tick, lab.platform.events)
         yield LabFault(CHECKPOINTS, "policy: tick", f"'{policy.tick}' is not a node type{hint}")
     named = {"keep_default": policy.keep_default, "stamp_reset: ports": policy.stamp_reset.ports}
     named["stamp_reset: with"] = (policy.stamp_reset.agree,)
@@ -121,9 +120,8 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
                 continue
             inputs = {port.rpartition(":")[2] for kind in types.values() for port in kind.ports}
             if name not in inputs:
-                meant = nearest_name(name, inputs)
-                hint = f", '{meant}' is" if meant else ""
-                yield LabFault(CHECKPOINTS, f"policy: {key}", f"'{name}' is not an input{hint}")
+                message = f"'{name}' is not an input{likely(name, inputs)}"
+                yield LabFault(CHECKPOINTS, f"policy: {key}", message)
     comes = {name: point for point in lab.checkpoints.values() for name in point.new}
     for name, graph in lab.graphs.items():
         for role, node in graph.nodes.items():
@@ -327,8 +325,9 @@ def _all_faults(lab: Lab, stages: Sequence[KnownScene]) -> Iterator[LabFault]:
     yield from domain_faults(lab)
     yield from rubric_faults(lab)
     yield from section_faults(lab)
-    yield from scene_faults(lab, stages)
-    yield from prop_faults(lab, known_scenes(lab, stages))
+    scenes = known_scenes(lab, stages)
+    yield from scene_faults(lab, scenes)
+    yield from prop_faults(lab, scenes)
     yield from _unused_files(lab)
 
 

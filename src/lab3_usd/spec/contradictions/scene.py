@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from fnmatch import fnmatchcase
-from typing import Any
+from typing import Any, Literal
 
 from msgspec import Struct
 
 from lab3_usd.data import data_folder
 from lab3_usd.isaac.releases import is_release_within as is_in_releases
-from lab3_usd.spec.contradictions.names import LabFault, file_of, nearest_name
+from lab3_usd.spec.contradictions.names import LabFault, file_of, likely, nearest_name
 from lab3_usd.spec.lab import SCENE, STARTER, Lab
+from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.scene import RobotSpec, stands_within
 from lab3_usd.yaml_file import read_yaml
 
@@ -28,21 +29,67 @@ class KnownScene(Struct, frozen=True):
     assets: Mapping[str, tuple[str, ...]] = {}
 
 
-def known_scenes(lab: Lab, stages: Sequence[KnownScene]) -> tuple[KnownScene, ...]:
+class KnownScenes(Struct, frozen=True):
+    """All scenes that are known of a lab: its own starter, where it describes one, and stages.
+
+    `made` are the prims that the lab itself makes, beside its `things`.
+    """
+
+    scenes: tuple[KnownScene, ...]
+    prims: frozenset[str]
+    made: frozenset[str]
+    things: tuple[PropSpec, ...]
+
+    def has(self, path: str) -> bool:
+        """Whether a prim is in a scene, is made, or may be there."""
+        is_there = path in self.prims or path in self.made
+        return is_there or self.is_open(path) or any(t.stands_at(path) for t in self.things)
+
+    def is_open(self, path: str) -> bool:
+        """Whether a prim may come with what another one refers to."""
+        names = path.split("/")
+        above = ["/".join(names[:length]) for length in range(2, len(names))]
+        return any(f"{path}/".startswith(scene.open_below) for scene in self.scenes) or any(
+            thing.stands_at(place) for thing in self.things if thing.asset for place in above
+        )
+
+    def lacks(
+        self,
+        path: str,
+        file: str,
+        key: str,
+        severity: Literal["error", "warning"] = "error",
+        repair: str = "",
+    ) -> LabFault:
+        """Return the fault that a prim is in none of the scenes."""
+        others = [other for other in self.prims | self.made if not stands_within(other, path)]
+        message = f"'{path}' is not a prim{likely(path, others)}{repair}"
+        return LabFault(file, key, message, self.names, severity)
+
+    @property
+    def names(self) -> str:
+        """The names of the scenes."""
+        return ", ".join(scene.name for scene in self.scenes)
+
+
+def known_scenes(lab: Lab, stages: Sequence[KnownScene]) -> KnownScenes:
     """Return the lab's own starter, where it describes one, and stages of the lab.
 
     Raises:
         SpecError: the description of the starter is no YAML.
     """
-    return (*_starter_scene(lab), *stages)
+    scenes = (*_starter_scene(lab), *stages)
+    things = tuple(lab.scene.props.values())
+    made = {thing.path for thing in things if "*" not in thing.path}
+    made |= {sensor.path for sensor in lab.sensors.values()}
+    for graph in lab.graphs.values():
+        made |= {graph.path, *(f"{graph.path}/{role}" for role in graph.nodes)}
+    prims = frozenset[str]().union(*(scene.prims for scene in scenes))
+    return KnownScenes(scenes, prims, frozenset(made), things)
 
 
-def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFault]:
-    """Yield what no scene can have; `stages` are stages of the lab, where some are given.
-
-    Raises:
-        SpecError: the description of the starter is no YAML.
-    """
+def scene_faults(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
+    """Yield what no scene can have, and names that no scene has, where some are known."""
     for robot in lab.scene.robots:
         for name, link in robot.links.items():
             if link.mass is not None and link.mass < 0:
@@ -50,9 +97,7 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
                 yield LabFault(SCENE, f"{robot.key}: links: {name}: mass", message)
         for joint, name in robot.wheels.joints.items():
             if name not in robot.links:
-                meant = nearest_name(name, robot.links)
-                hint = f", '{meant}' is" if meant else ""
-                message = f"'{name}' is not a link{hint}"
+                message = f"'{name}' is not a link{likely(name, robot.links)}"
                 key = f"{robot.key}: wheels: joints: {joint}"
                 yield LabFault(SCENE, key, message, f"{SCENE}: {robot.key}: links")
         if robot.wheels.joints and not any(robot.wheels.axle):
@@ -61,10 +106,10 @@ def scene_faults(lab: Lab, stages: Sequence[KnownScene] = ()) -> Iterator[LabFau
     yield from _sensor_faults(lab)
     yield from _misspelt_scans(lab)
     yield from _unequal_sensors(lab)
-    scenes = known_scenes(lab, stages)
-    yield from _target_faults(lab, scenes)
-    yield from _absent_parts(lab, scenes)
-    yield from _misspelled_parents(lab, scenes)
+    if scenes.scenes:
+        yield from _target_faults(lab, scenes)
+        yield from _absent_parts(lab, scenes)
+        yield from _misspelled_parents(lab, scenes)
 
 
 def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
@@ -76,9 +121,7 @@ def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
             yield LabFault(SCENE, key, f"'{name}' is the joint of a wheel", other)
         for link in joint.links:
             if link and link not in robot.links:
-                meant = nearest_name(link, robot.links)
-                hint = f", '{meant}' is" if meant else ""
-                message = f"'{link}' is not a link{hint}"
+                message = f"'{link}' is not a link{likely(link, robot.links)}"
                 yield LabFault(SCENE, f"{key}: links", message, f"{SCENE}: {robot.key}: links")
         if not (joint.type.startswith(_SCHEMA) and joint.type.endswith(_JOINT)):
             message = f"'{joint.type}' is not a type of joints, as {_SCHEMA}Revolute{_JOINT} is"
@@ -95,34 +138,24 @@ def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
 _SCHEMA, _JOINT = "Physics", "Joint"  # around the kind in the name of a type of USD
 
 
-def _absent_parts(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
+def _absent_parts(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
     """Yield robots, links, joints and places of sensors that are in no scene that is known."""
-    paths = frozenset[str]().union(*(scene.prims for scene in scenes))
-    open_below = tuple(prefix for scene in scenes for prefix in scene.open_below)
-    where = ", ".join(scene.name for scene in scenes)
-    for key, path, is_there in _parts(lab, paths) if scenes else ():
-        if not is_there and not f"{path}/".startswith(open_below):
-            meant = nearest_name(path, paths)
-            hint = f", '{meant}' is" if meant else ""
-            yield LabFault(SCENE, key, f"'{path}' is not a prim{hint}", where)
+    for key, path, is_there in _parts(lab, scenes.prims):
+        if not is_there and not scenes.has(path):
+            yield scenes.lacks(path, SCENE, key)
 
 
 _NEARLY = 0.9  # how alike two names are of which one is taken for misspelled
 
 
-def _misspelled_parents(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
+def _misspelled_parents(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
     """Yield graphs below a prim that no scene has, and that is called almost as one that it has."""
     from difflib import get_close_matches
 
-    paths = frozenset[str]().union(*(scene.prims for scene in scenes))
-    made = {*(sensor.path for sensor in lab.sensors.values())}
-    where = ", ".join(scene.name for scene in scenes)
     for graph in lab.graphs.values():
         parent = graph.path.rpartition("/")[0]
-        meant = get_close_matches(parent, paths, 1, _NEARLY) if parent not in paths | made else ()
-        for path in meant:
-            message = f"'{parent}' is not a prim, '{path}' is"
-            yield LabFault(file_of(graph), "path", message, where, "warning")
+        if not scenes.has(parent) and get_close_matches(parent, scenes.prims, 1, _NEARLY):
+            yield scenes.lacks(parent, file_of(graph), "path", "warning")
 
 
 def _parts(lab: Lab, paths: Collection[str]) -> Iterator[tuple[str, str, bool]]:
@@ -216,30 +249,15 @@ def _unequal_sensors(lab: Lab) -> Iterator[LabFault]:
             first = first or (sensor, attribute.value)
 
 
-def _target_faults(lab: Lab, scenes: Sequence[KnownScene]) -> Iterator[LabFault]:
-    """Yield the targets that are in no scene, neither the lab's own starter nor a stage.
-
-    Of a starter that the lab does not describe nothing is known, nor of what a prim refers to.
-    """
-    if not scenes:
-        return
-    open_below = tuple(prefix for scene in scenes for prefix in scene.open_below)
-    where = ", ".join(scene.name for scene in scenes)
-    named = "starter" if where == STARTER else "stages or the starter"
-    sensors = {sensor.path for sensor in lab.sensors.values()}
+def _target_faults(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
+    """Yield the targets that are in no scene, neither the lab's own starter nor a stage."""
     for graph in lab.graphs.values():
-        inside = {graph.path, *(f"{graph.path}/{role}" for role in graph.nodes)}
-        paths = {*sensors, *inside}.union(*(scene.prims for scene in scenes))
         for node in graph.nodes.values():
             for target in node.targets:
+                key = f"{node.role}: {target.port.partition(':')[2]}"
                 for path in target.prims:
-                    if path in paths or path.startswith(open_below):
-                        continue
-                    meant = nearest_name(path, paths)
-                    hint = f", '{meant}' is" if meant else ""
-                    key = f"{node.role}: {target.port.partition(':')[2]}"
-                    message = f"'{path}' is not a prim of the {named}, and no sensor{hint}"
-                    yield LabFault(file_of(graph), key, message, where)
+                    if not scenes.has(path):
+                        yield scenes.lacks(path, file_of(graph), key)
 
 
 def _starter_scene(lab: Lab) -> Iterator[KnownScene]:
