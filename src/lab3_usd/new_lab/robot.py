@@ -246,8 +246,7 @@ def moved_joints(
     }
     moved = {}
     for joint in joints(stage):
-        holding = (n for n in links if is_at_or_below(bodies(joint)[1], f"{root}/{n}"))
-        link = max(holding, key=len, default=None)
+        link = _link_at(bodies(joint)[1], root, links)
         stiffness = number(joint.attributes.get(_STIFFNESS, 0.0))
         damping = number(joint.attributes.get(_DAMPING, 0.0))
         is_driven = stiffness == 0 and damping is not None and damping > 0
@@ -301,9 +300,6 @@ def _motion(joint: Prim, metres: float) -> Iterator[tuple[str, Any]]:
         value = number(joint.attributes.get(f"{drive_prefix(kind)}{name}"))
         if f"{DRIVE}:{kind}" in joint.apis and value is not None and math.isfinite(value):
             yield key, as_typed(value)
-
-
-_DRIVE_KEYS = {"stiffness": "stiffness", "damping": "damping", "max_force": "maxForce"}
 
 
 def describe_wheels(subject: RobotSubject) -> dict[str, Any]:

@@ -108,7 +108,9 @@ def scene_faults(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
     yield from _unequal_sensors(lab)
     if scenes.scenes:
         yield from _target_faults(lab, scenes)
-        yield from _absent_parts(lab, scenes)
+        for key, path, is_there in _parts(lab, scenes.prims):
+            if not is_there and not scenes.has(path):
+                yield scenes.lacks(path, SCENE, key)
         yield from _misspelled_parents(lab, scenes)
 
 
@@ -136,13 +138,6 @@ def _joint_faults(robot: RobotSpec) -> Iterator[LabFault]:
 
 
 _SCHEMA, _JOINT = "Physics", "Joint"  # around the kind in the name of a type of USD
-
-
-def _absent_parts(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
-    """Yield robots, links, joints and places of sensors that are in no scene that is known."""
-    for key, path, is_there in _parts(lab, scenes.prims):
-        if not is_there and not scenes.has(path):
-            yield scenes.lacks(path, SCENE, key)
 
 
 _NEARLY = 0.9  # how alike two names are of which one is taken for misspelled
