@@ -252,7 +252,7 @@ def _by_port(
 def _with_names(
     entry: _Ports | None, ports: Mapping[str, Port], where: str, outputs: Collection[str] = ()
 ) -> _Ports | None:
-    """Return a record of ports with their full names: of inputs, but for the fields `outputs`."""
+    """Return a record of ports with their full names, those of outputs in the fields `outputs`."""
     if entry is None:
         return None
     full: dict[str, str | tuple[str, ...]] = {}
