@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from functools import cached_property
 from typing import Any, Literal, NamedTuple
 
@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit
-from lab3_usd.model.physics import GRAVITY_DIRECTION, vector
+from lab3_usd.model.physics import GRAVITY_DIRECTION, SCENE, vector
 from lab3_usd.model.transforms import Vector, length
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
@@ -244,6 +244,11 @@ class Scene(Struct, frozen=True, dict=True):
     @cached_property
     def _places(self) -> dict[str, int]:
         return {path: place for place, path in enumerate(self._paths)}
+
+    @cached_property
+    def physics(self) -> Mapping[str, Any]:
+        """The values of the first physics scene; none where there is none."""
+        return next((prim.values for prim in self.prims.values() if prim.type == SCENE), {})
 
     def above(self, path: str) -> Iterator[ScenePrim]:
         """Yield a prim and all above it, nearest first."""

@@ -32,11 +32,14 @@ def has_collision(prim: ScenePrim) -> bool:
 
 
 class Bodies:
-    """The bodies of a scene that move."""
+    """The bodies of a scene that move; `shapes` are the colliders of each, '' for the world."""
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self.prims = {prim.path: prim for prim in scene.prims.values() if is_dynamic(prim)}
+        self.shapes: dict[str, list[ScenePrim]] = {body: [] for body in ("", *self.prims)}
+        for prim in filter(has_collision, scene.prims.values()):
+            self.shapes[self.of(prim.path)].append(prim)
 
     def machines(self) -> list[Machine]:
         """Return what hangs together, each placed from its root over its joints."""
@@ -94,6 +97,14 @@ class Bodies:
             path=prim.path,
             hindrances=dict(_hindrances(prim)),
         )
+
+    def authored_to_start(self, machine: Machine, body: str) -> Affine:
+        """Return what moves a body from where it is authored to where it stands at the start.
+
+        The base of its machine is in the origin then, and turned as it is.
+        """
+        standing = Affine(machine.start.rows).then(machine.rest[body])
+        return standing.then(self.prims[body].world.rigid().inverse())
 
     def _kinematic(self, path: str) -> str:
         """Return the body that a prim goes with where that is kinematic."""
@@ -211,9 +222,8 @@ def of_another_scene(scene: Scene, bodies: Bodies) -> dict[str, str]:
     }
     of_bodies = {owners.get(body, scenes[0] if scenes else "") for body in bodies.prims}
     reasons: dict[str, str] = {}
-    for path, owner in owners.items():
-        if not has_collision(scene.prims[path]) or bodies.of(path):
-            continue
+    for path in (shape.path for shape in bodies.shapes[""] if shape.path in owners):
+        owner = owners[path]
         if owner not in scenes:
             reasons[path] = f"belongs to the scene {owner}, which is not there"
         elif len(of_bodies) == 1 and owner not in of_bodies:

@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping
 from typing import NamedTuple
 
 from lab3_usd.model.dry_run import Affine, Scene
-from lab3_usd.model.physics import EARTH, GRAVITY, SCENE, WEIGHTLESS, number, slant
+from lab3_usd.model.physics import EARTH, GRAVITY, WEIGHTLESS, number, slant
 from lab3_usd.model.traction import GRAVITY as EARTHS
 from lab3_usd.model.transforms import Vector, cross, dot, minus
 from lab3_usd.physics.bodies import Bodies
@@ -101,7 +101,6 @@ def _positions(machine: Machine, side: float, unit: float) -> Mapping[str, float
 
 def _gravity(scene: Scene) -> Vector:
     """Return how the first physics scene pulls, in its units a second squared."""
-    values = next((prim.values for prim in scene.prims.values() if prim.type == SCENE), {})
-    strength = number(values.get(GRAVITY))
+    strength = number(scene.physics.get(GRAVITY))
     size = EARTHS / scene.meters_per_unit if strength is None or strength <= EARTH else strength
-    return (0.0, 0.0, -size * math.cos(math.radians(slant(values))))
+    return (0.0, 0.0, -size * math.cos(math.radians(slant(scene.physics))))

@@ -7,7 +7,6 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import cached_property
 from itertools import product
 from operator import itemgetter
-from typing import Any
 
 from msgspec.structs import replace
 
@@ -15,7 +14,6 @@ from lab3_usd.model.dry_run import HERE, Affine, Scene
 from lab3_usd.model.physics import (
     CENTRE,
     MASS,
-    SCENE,
     SLIDES_OFF,
     TILT,
     WEIGHTLESS,
@@ -26,7 +24,7 @@ from lab3_usd.model.physics import (
 from lab3_usd.model.statics import CONTACT, Stand
 from lab3_usd.model.traction import MATERIAL_API, Load, Surface, bound_material, pull_of, surface_of
 from lab3_usd.model.transforms import Vector, cross, length, minus
-from lab3_usd.physics.bodies import ROOT, Bodies, has_collision, of_another_scene
+from lab3_usd.physics.bodies import ROOT, Bodies, of_another_scene
 from lab3_usd.physics.machine import FIXED, HINGE, Machine, Posture, Wheel, solution
 from lab3_usd.physics.spots import Spot
 from lab3_usd.physics.stance import (
@@ -59,18 +57,15 @@ class Machines:
     def __init__(self, scene: Scene, *, has_ground: bool = False) -> None:
         self.scene = scene
         self.has_ground = has_ground
-        self._bodies = Bodies(scene)
-        self.bodies = self._bodies.prims
-        self._elsewhere = of_another_scene(scene, self._bodies)
+        self.bodies = Bodies(scene)
+        self._elsewhere = of_another_scene(scene, self.bodies)
         self.filters = tuple(filters_of(scene))
         self.solid = {
             prim.path: ground_of(prim, prim.world)
-            for prim in scene.prims.values()
-            if has_collision(prim)
-            and self.body_of(prim.path) == ""
-            and prim.path not in self._elsewhere
+            for prim in self.bodies.shapes[""]
+            if prim.path not in self._elsewhere
         }
-        self.machines = self._bodies.machines()
+        self.machines = self.bodies.machines()
         self.member = {body: machine for machine in self.machines for body in machine.rest}
         self._spots: dict[str, Spot] = {}
         self._postures: dict[str, Posture] | None = None
@@ -96,7 +91,7 @@ class Machines:
 
     def body_of(self, path: str) -> str:
         """Return the body that a prim goes with; '' for the world."""
-        return self._bodies.of(path)
+        return self.bodies.of(path)
 
     def articulation(self, path: str) -> Machine | None:
         """Return the articulation at or below a prim.
@@ -151,7 +146,7 @@ class Machines:
             prim = self.scene.prims.get(path)
             local = prim.world.rigid() if prim is not None else HERE
             if body:
-                local = self.bodies[body].world.rigid().inverse().then(local)
+                local = self.bodies.prims[body].world.rigid().inverse().then(local)
             spot = self._spots[path] = Spot(path, body, self.member.get(body), local)
         return spot
 
@@ -193,7 +188,10 @@ class Machines:
         xs, ys = [corner[0] for corner in every], [corner[1] for corner in every]
         machine.middle = u, v = ((min(xs) + max(xs)) / 2, (min(ys) + max(ys)) / 2)
         machine.radius = max(math.hypot(x - u, y - v) for x, y in zip(xs, ys, strict=True))
-        machine.pulled = is_pulled(self.scene)
+        # Without a physics scene Isaac Sim makes one.
+        gravity = self.scene.physics
+        is_felt_here = is_felt(gravity, self.scene.meters_per_unit)
+        machine.pulled = is_felt_here and slant(gravity) <= SLIDES_OFF
         if not machine.pulled:
             return
         unit = 1.0 / self.scene.meters_per_unit
@@ -208,7 +206,7 @@ class Machines:
             machine.grounded = machine.held
         else:
             low = min(point[2] for point in every)
-            stance = stance_of(self.scene, self._bodies, machine)
+            stance = stance_of(self.scene, self.bodies, machine)
             self.stances[machine.base] = stance
             high = -low if stance.stand is None else stance.stand.height
             home = ground + high - z
@@ -224,7 +222,7 @@ class Machines:
         if not machine.joints:
             return
         stance = self.stances.get(machine.base)
-        shapes = shapes_of(self.scene, self._bodies, machine) if stance is None else stance.solids
+        shapes = shapes_of(self.bodies, machine) if stance is None else stance.solids
         machine.inside = tuple(overlaps_of(self, machine, shapes))
         for overlap in machine.inside:
             text = f"it starts {100 * overlap.depth:.2g} cm inside {overlap.other}"
@@ -259,10 +257,9 @@ class Machines:
             prim = self.scene.prims[path]
             if prim.type == "Mesh" and is_mirrored(prim.world):
                 machine.unclear[path] = "it is mirrored: which side of it carries is not known"
-        if slant(self._gravity()) > TILT:
-            machine.unclear[machine.base] = (
-                f"gravity pulls {slant(self._gravity()):.0f} degrees aside"
-            )
+        aside = slant(self.scene.physics)
+        if aside > TILT:
+            machine.unclear[machine.base] = f"gravity pulls {aside:.0f} degrees aside"
         machine.falls = stance.stand is not None and stance.stand.falls
         weightless = next(self._unweighed(machine, stance), "") if machine.falls else ""
         if weightless:
@@ -292,7 +289,7 @@ class Machines:
     def _unweighed(self, machine: Machine, stance: Stance) -> Iterator[str]:
         """Yield the bodies of which no mass, centre or collider says what they weigh, and where."""
         for body in machine.rest:
-            values = self.bodies[body].values
+            values = self.bodies.prims[body].values
             is_told = bool(stance.solids[body]) or bool({MASS, CENTRE} & values.keys())
             if values.get(WEIGHTLESS) is True or not is_told:
                 yield body
@@ -419,20 +416,10 @@ class Machines:
             for path, surface in self.solid.items()
         }
         below = [path for path, at in heights.items() if at is not None and at >= ground - LEVEL]
-        shapes = [
-            prim.path
-            for body in machine.rest
-            if wheel.joint in machine.above(body)
-            for prim in self.scene.below(body)
-            if has_collision(prim) and self.body_of(prim.path) == body
-        ]
+        turning = (body for body in machine.rest if wheel.joint in machine.above(body))
+        shapes = [prim.path for body in turning for prim in self.bodies.shapes[body]]
         floors = list(map(self._surface, below)) or [Surface()]
         return any(self._surface(shape).grips(floor) for shape in shapes for floor in floors)
-
-    def _gravity(self) -> Mapping[str, Any]:
-        """Return the values of the first physics scene."""
-        scenes = (prim.values for prim in self.scene.prims.values() if prim.type == SCENE)
-        return next(scenes, {})
 
     def _surface(self, shape: str) -> Surface:
         prims = self.scene.prims
@@ -444,7 +431,7 @@ class Machines:
     def _pulling(self, machine: Machine) -> Iterator[Wheel]:
         """Yield the wheels of a machine, those of weak drives with how these pull its weight."""
         masses = {
-            body: max(0.0, number(self.bodies[body].values.get(MASS)) or 0.0)
+            body: max(0.0, number(self.bodies.prims[body].values.get(MASS)) or 0.0)
             for body in machine.rest
         }
         driven = [wheel for wheel in machine.wheels if wheel.joint.holds]
@@ -461,26 +448,14 @@ class Machines:
 
     def _points(self, body: str, machine: Machine) -> list[Vector]:
         """Return the corners of a body's collision shapes, with the base turned as at the start."""
-        base = Affine(machine.start.rows)
-        back = self.bodies[body].world.rigid().inverse()
-        corners: list[Vector] = []
-        for prim in self.scene.below(body):
-            if has_collision(prim) and self.body_of(prim.path) == body:
-                at = base.then(machine.rest[body]).then(back).then(prim.world)
-                corners.extend(placed_surface(prim, at).points())
-        return corners
+        place = self.bodies.authored_to_start(machine, body)
+        surfaces = (
+            placed_surface(prim, place.then(prim.world)) for prim in self.bodies.shapes[body]
+        )
+        return [point for surface in surfaces for point in surface.points()]
 
 
 def _square(machine: Machine, scene: Scene) -> tuple[int, int]:
     x, y, _ = machine.start.origin
     side = AROUND / scene.meters_per_unit
     return math.floor(x / side), math.floor(y / side)
-
-
-def is_pulled(scene: Scene) -> bool:
-    """Whether gravity holds what stands on the ground: that of the first physics scene.
-
-    Without one Isaac Sim makes one.
-    """
-    first = next((prim.values for prim in scene.prims.values() if prim.type == SCENE), {})
-    return is_felt(first, scene.meters_per_unit) and slant(first) <= SLIDES_OFF

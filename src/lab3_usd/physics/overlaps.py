@@ -58,11 +58,11 @@ def block_of(prim: ScenePrim, box: Box, surface: Surface | None = None) -> Block
 
 def overlaps(own: Sequence[Solid], blocks: Iterable[Block], metres: float) -> Iterator[Overlap]:
     """Yield the deepest overlap with each block; `metres` is a unit of the stage."""
-    boxes = [(solid, _box(solid)) for solid in own]
+    boxes = [(solid, box_around(solid)) for solid in own]
     for block in blocks:
         deepest = Overlap("", block.path, 0.0)
         for other in block.solids:
-            low, high = _box(other)
+            low, high = box_around(other)
             for solid, (near, far) in boxes:
                 if all(min(far[k], high[k]) > max(near[k], low[k]) - 1e-9 for k in range(3)):
                     depth = depth_of(solid, other) * metres
@@ -72,7 +72,8 @@ def overlaps(own: Sequence[Solid], blocks: Iterable[Block], metres: float) -> It
             yield deepest
 
 
-def _box(solid: Solid) -> tuple[Vector, Vector]:
+def box_around(solid: Solid) -> Box:
+    """Return the lowest and the highest coordinates of a shape."""
     ends = [solid.farthest(axis) for axis in AXES]
     starts = [solid.farthest((-x, -y, -z)) for x, y, z in AXES]
     return box_of([*starts, *ends])

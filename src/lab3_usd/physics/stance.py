@@ -12,7 +12,7 @@ from lab3_usd.model.physics import CENTRE, FAR, MASS, UNSET, number, vector
 from lab3_usd.model.solids import Solid, solid_of
 from lab3_usd.model.statics import Stand, standing
 from lab3_usd.model.transforms import Vector, cross, dot, length, minus
-from lab3_usd.physics.bodies import Bodies, has_collision
+from lab3_usd.physics.bodies import Bodies
 from lab3_usd.physics.machine import FIXED, HINGE, SLIDER, Joint, Machine, Wheel
 
 SPHERICAL = "PhysicsSphericalJoint"
@@ -53,18 +53,13 @@ class Stance(Struct, frozen=True):
         return sum(self.stand.loads.get(s.path, 0.0) for b in bodies for s in self.solids[b])
 
 
-def shapes_of(scene: Scene, bodies: Bodies, machine: Machine) -> dict[str, list[Solid]]:
+def shapes_of(bodies: Bodies, machine: Machine) -> dict[str, list[Solid]]:
     """Return the collision shapes of each body, with the base turned as at the start."""
-    base = Affine(machine.start.rows)
     solids_of: dict[str, list[Solid]] = {}
     for body in machine.rest:
-        back = bodies.prims[body].world.rigid().inverse()
-        place = base.then(machine.rest[body]).then(back)
-        own = solids_of[body] = []
-        for prim in scene.below(body):
-            if has_collision(prim) and bodies.of(prim.path) == body:
-                shape = solid_of(prim, place.then(prim.world))
-                own += [shape] if shape is not None else []
+        place = bodies.authored_to_start(machine, body)
+        solids = (solid_of(prim, place.then(prim.world)) for prim in bodies.shapes[body])
+        solids_of[body] = [solid for solid in solids if solid is not None]
     return solids_of
 
 
@@ -104,7 +99,7 @@ def masses_of(
 
 def stance_of(scene: Scene, bodies: Bodies, machine: Machine) -> Stance:
     """Return how a machine stands on level ground."""
-    solids = shapes_of(scene, bodies, machine)
+    solids = shapes_of(bodies, machine)
     masses, centres = masses_of(scene, machine, solids)
     total = sum(masses.values()) or 1.0
     x, y, z = (sum(m * centres[body][k] for body, m in masses.items()) / total for k in range(3))

@@ -6,13 +6,12 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from lab3_usd.model.dry_run import AXES, Affine
-from lab3_usd.model.physics import MASS, number
-from lab3_usd.model.solids import Solid, box_of, solid_of
+from lab3_usd.model.solids import Solid, box_of
 from lab3_usd.physics.bodies import has_collision
 from lab3_usd.physics.machine import FIXED, Floor, Machine
-from lab3_usd.physics.overlaps import Block, Overlap, block_of, overlaps
-from lab3_usd.physics.stance import DENSITY, Stance
-from lab3_usd.physics.surfaces import Surface, cut, placed_surface
+from lab3_usd.physics.overlaps import Block, Overlap, block_of, box_around, overlaps
+from lab3_usd.physics.stance import Stance, masses_of, shapes_of
+from lab3_usd.physics.surfaces import cut, placed_surface
 from lab3_usd.physics.unmodelled import filtered
 
 if TYPE_CHECKING:
@@ -34,9 +33,13 @@ def note_obstacles(machines: Machines, machine: Machine, stance: Stance, ground:
     unit = 1.0 / machines.scene.meters_per_unit
     own = _HEAVY * sum(stance.masses.values())
     for other in machines.near(machine):
-        surfaces = _body_surfaces(machines, other)
+        shapes = [prim for body in other.rest for prim in machines.bodies.shapes[body]]
+        surfaces = [placed_surface(prim, prim.world) for prim in shapes]
         segments = cut(surfaces, ground + SKIRT * unit)
-        mass = sum(_mass(machines, body) for body in other.rest) if segments else 0.0
+        if not segments:
+            continue
+        masses, _ = masses_of(machines.scene, other, shapes_of(machines.bodies, other))
+        mass = sum(masses.values())
         if mass > own:
             machine.barriers[f"{other.base.rpartition('/')[2]} of {mass:.3g} kg"] = segments
     low, high = ground - STEP * unit, ground + SKIRT * unit
@@ -53,30 +56,6 @@ def note_obstacles(machines: Machines, machine: Machine, stance: Stance, ground:
     if small:
         goes_on = is_flat or len(small) < len(near)
         machine.floor = Floor(tuple(small), ground, unit, goes_on)
-
-
-def _body_surfaces(machines: Machines, machine: Machine) -> list[Surface]:
-    """Return the surfaces of the shapes of a machine as they stand at the start."""
-    return [
-        placed_surface(prim, prim.world)
-        for body in machine.rest
-        for prim in machines.scene.below(body)
-        if has_collision(prim) and machines.body_of(prim.path) == body
-    ]
-
-
-def _mass(machines: Machines, body: str) -> float:
-    """Return the mass of a body, by its shapes where none is written."""
-    mass = number(machines.scene.prims[body].values.get(MASS)) or 0.0
-    if mass > 0:
-        return mass
-    shapes = (
-        solid_of(prim, prim.world)
-        for prim in machines.scene.below(body)
-        if has_collision(prim) and machines.body_of(prim.path) == body
-    )
-    volume = sum(shape.volume for shape in shapes if shape is not None)
-    return volume * machines.scene.meters_per_unit**3 * DENSITY or 1.0
 
 
 def overlaps_of(
@@ -97,9 +76,7 @@ def overlaps_of(
     ]
     if not own:
         return
-    near = [solid.farthest((-x, -y, -z)) for solid in own for x, y, z in AXES]
-    far = [solid.farthest(axis) for solid in own for axis in AXES]
-    low, high = box = box_of([*near, *far])
+    low, high = box = box_of([corner for solid in own for corner in box_around(solid)])
 
     def deep(blocks: Iterable[Block | None]) -> Iterator[Overlap]:
         for overlap in overlaps(own, filter(None, blocks), scene.meters_per_unit):

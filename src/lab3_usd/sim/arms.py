@@ -17,7 +17,7 @@ from lab3_usd.model.dry_run import Affine, Check, Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, JointCommand, moving_command
 from lab3_usd.model.physics import FAR, JOINT_ENABLED
-from lab3_usd.physics.bodies import has_collision, is_kinematic
+from lab3_usd.physics.bodies import is_kinematic
 from lab3_usd.physics.loads import Burden, burdens
 from lab3_usd.physics.machine import FIXED, HINGE, SLIDER, Joint, Machine
 from lab3_usd.physics.machine import JOINTS as JOINT_TYPES
@@ -138,10 +138,7 @@ def _turns_freely(joint: Joint, machine: Machine, world: World) -> bool:
     It carries no other joint, or has no drive.
     """
     link = machine.link_of(joint)
-    has_shape = any(
-        has_collision(prim) and world.machines.body_of(prim.path) == link
-        for prim in world.scene.below(link)
-    )
+    has_shape = bool(world.machines.bodies.shapes[link])
     carries = any(other is not joint and link in other.bodies for other in machine.parents.values())
     is_endless = joint.limits[1] - joint.limits[0] > math.radians(FAR) and joint.stiffness <= 0
     is_loose = joint.kind == HINGE and is_endless and has_shape

@@ -94,7 +94,7 @@ class Surroundings(Struct):
             if prim.seen and prim.type != "Camera":
                 body = machines.body_of(prim.path)
                 if body:
-                    back = machines.bodies[body].world.rigid().inverse()
+                    back = machines.bodies.prims[body].world.rigid().inverse()
                     surface = placed_surface(prim, back.then(prim.world))
                     surroundings.moving.setdefault(body, []).append(surface)
                 else:

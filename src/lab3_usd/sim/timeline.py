@@ -9,7 +9,7 @@ from contextlib import contextmanager
 
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, Segment, about, heading
-from lab3_usd.model.physics import SCENE, number
+from lab3_usd.model.physics import number
 from lab3_usd.physics.machine import Machine
 from lab3_usd.physics.unmodelled import unmodelled
 from lab3_usd.sim.execution.changes import unplayed_change
@@ -244,8 +244,7 @@ def physics_rate(scene: Scene) -> float:
 
     On Physics Step runs its graph at each (OgnOnPhysicsStep.cpp:72-149 of core nodes).
     """
-    scenes = (prim.values for prim in scene.prims.values() if prim.type == SCENE)
-    steps = number(next(scenes, {}).get("physxScene:timeStepsPerSecond"))
+    steps = number(scene.physics.get("physxScene:timeStepsPerSecond"))
     return min(steps, FASTEST) if steps is not None and steps > 0 else RATE
 
 

@@ -7,7 +7,7 @@ import math
 from lab3_usd.isaac.messages import why_no_message
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.dry_run import Affine, column
-from lab3_usd.model.physics import GRAVITY_DIRECTION, SCENE, down, number, vector
+from lab3_usd.model.physics import GRAVITY_DIRECTION, down, number, vector
 from lab3_usd.model.transforms import Vector, cross, length, scaled
 from lab3_usd.sim.execution.node_instance import NO_VECTOR, NodeInstance, computes
 from lab3_usd.sim.execution.recording import Fields, Inertia, Message
@@ -67,7 +67,7 @@ def _motion(before: Affine | None, now: Affine, dt: float) -> tuple[Vector, Vect
 
 def _gravity(world: World) -> Vector:
     """Return what a sensor at rest feels: the pull of the first physics scene, turned around."""
-    values = next((p.values for p in world.scene.prims.values() if p.type == SCENE), {})
+    values = world.scene.physics
     size = abs(number(values.get("physics:gravityMagnitude")) or 0.0)
     size = size if 0 < size < math.inf else _EARTH
     pull = vector(values.get(GRAVITY_DIRECTION))
