@@ -29,7 +29,8 @@ from pxr import Sdf, Usd
 from lab3_usd.errors import UsageError
 from lab3_usd.features.live.sim_live import closing_lines
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.execution.recording import JointStates, Message, Profile, Steering, Transform
+from lab3_usd.model.qos import Qos as Offered
+from lab3_usd.sim.execution.recording import JointStates, Message, Steering, Transform
 from lab3_usd.sim.execution.world import STATIC
 from lab3_usd.sim.robots import expected_of, robots_of
 from lab3_usd.sim.ros_messages import JOINTS, STEERING, serialized
@@ -236,7 +237,7 @@ def test_static_transforms_are_there_for_those_who_come_late(link: DdsLink) -> N
         ("/b", "/tf_static", True),
         ("/c", "/tf", False),
     ):
-        profile = STATIC if static else Profile()
+        profile = STATIC if static else Offered()
         message = Message(TF, 1.0, data=(still,), topic=topic, node=node, profile=profile)
         link.publish(message)
     late = Qos(
@@ -255,7 +256,7 @@ def test_what_is_not_reliable_is_not_heard_by_those_who_want_it_so(link: DdsLink
     topic = Topic(there, "rt/tf", wire_type(TF))
     reliable = DataReader(there, topic, qos=Qos(Policy.Reliability.Reliable(0)))
     either = DataReader(there, topic, qos=Qos(Policy.Reliability.BestEffort))
-    offered = Profile(is_reliable=False)
+    offered = Offered(reliability="best_effort")
 
     def sent_again() -> list[Any]:
         link.publish(Message(TF, 1.0, data=(), topic="/tf", node="/a", profile=offered))

@@ -13,10 +13,11 @@ from breaking import correct_stage, the_lab
 from lone_nodes import node, world
 
 from lab3_usd.model.dry_run import Input, Scene, SceneGraph, SceneNode
+from lab3_usd.model.qos import Qos
 from lab3_usd.physics.machines import Machines
 from lab3_usd.sim.execution.node_instance import NodeInstance, functions
 from lab3_usd.sim.execution.program import compile_graphs
-from lab3_usd.sim.execution.recording import Message, Odometry, Profile, Scan, Transform, View
+from lab3_usd.sim.execution.recording import Message, Odometry, Scan, Transform, View
 from lab3_usd.sim.execution.world import Network, World, profile_of, trimmed, world_of
 from lab3_usd.sim.timeline import render
 from lab3_usd.spec.load.loader import load_platform
@@ -601,9 +602,13 @@ def test_a_profile_is_taken_only_as_isaac_sim_writes_it(wrong: dict[str, Any]) -
 
 def test_a_profile_is_whole_or_nothing() -> None:
     kept = {"history": "keepAll", "reliability": "reliable", "durability": "transientLocal"}
-    assert profile_of("", 5) == Profile(depth=5)
-    assert profile_of(json.dumps(PROFILE), 5) == Profile(depth=1, is_reliable=False)
-    assert profile_of(json.dumps(PROFILE | kept), 5) == Profile(depth=0, is_durable=True)
+    assert profile_of("", 5) == Qos(depth=5)
+    once = profile_of(json.dumps(PROFILE), 5)
+    assert once is not None
+    assert (once.depth, once.reliability) == (1, "best_effort")
+    forever = profile_of(json.dumps(PROFILE | kept), 5)
+    assert forever is not None
+    assert (forever.history, forever.durability) == ("keep_all", "transient_local")
     assert profile_of('{"depth": 1}', 5) is None
     assert profile_of("1", 5) is None
 
@@ -643,7 +648,7 @@ def test_a_node_makes_a_profile_of_its_preset_or_its_policies(
     assert made.compute(world())
     profile = profile_of(made.outputs["qosProfile"], 7)
     assert profile is not None
-    assert (profile.depth, profile.is_reliable) == (depth, is_reliable)
+    assert (profile.depth, profile.reliability == "reliable") == (depth, is_reliable)
 
 
 def test_every_function_has_a_test() -> None:

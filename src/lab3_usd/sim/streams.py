@@ -38,7 +38,7 @@ def untold(trial: Trial) -> Iterator[RunFault]:
     told: dict[tuple[str, str], str] = {}
     for message in trial.recording.messages:
         if message.type == TRANSFORMS and (message.node, message.topic) not in told:
-            why = unmatched("publishes", message.type, message.profile.qos)
+            why = unmatched("publishes", message.type, message.profile)
             told[message.node, message.topic] = why
     for (node, topic), why in told.items():
         if why:

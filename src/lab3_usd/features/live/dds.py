@@ -25,34 +25,22 @@ from msgspec.structs import replace
 from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
+from lab3_usd.model.qos import Qos as Profile
 from lab3_usd.sim.execution.drive import RATE
-from lab3_usd.sim.execution.recording import JointStates, Message, Profile, Steering
+from lab3_usd.sim.execution.recording import JointStates, Message, Steering
 from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Twist
-from lab3_usd.sim.ros_messages import JOINTS, STEERING, STORE, TWIST, serialized
+from lab3_usd.sim.ros_messages import JOINTS, STEERING, STORE, TWIST, nanoseconds, serialized
 from lab3_usd.sim.timeline import Player, unknown_in
 
 _OF: Any = types  # the library types no subscripts of its own
-_BASES: dict[str, Any] = {
-    "bool": bool,
-    "byte": types.byte,
-    "char": types.uint8,
-    "int8": types.int8,
-    "uint8": types.uint8,
-    "int16": types.int16,
-    "uint16": types.uint16,
-    "int32": types.int32,
-    "uint32": types.uint32,
-    "int64": types.int64,
-    "uint64": types.uint64,
-    "float32": types.float32,
-    "float64": types.float64,
-    "string": str,
-}
+# Base types of ROS 2 that the library has by another name.
+_BASES: dict[str, Any] = {"bool": bool, "char": types.uint8, "string": str}
 
 Command = Twist | JointStates | Steering
 DEPTH = 10
 FASTEST = 1e6  # metres or radians a second: what is beyond it, or no number, is no command
 USUAL = Profile()
+_MANUAL = "manual_by_topic"
 _BLOCKED = duration(milliseconds=100)  # as in the profiles of ROS 2
 # Peers are asked one by one, as a loopback interface need not have multicast; ROS 2 asks 32.
 # They are asked all the time, as they may come later and need not ask us: five times a second, as
@@ -75,27 +63,23 @@ CONFIGURATION = """
 
 
 def _qos(profile: Profile) -> Qos:
-    reliable = Policy.Reliability.Reliable(_BLOCKED)
-    return Qos(
-        reliable if profile.is_reliable else Policy.Reliability.BestEffort,
-        Policy.Durability.TransientLocal if profile.is_durable else Policy.Durability.Volatile,
-        Policy.History.KeepLast(profile.depth) if profile.depth else Policy.History.KeepAll,
+    is_reliable, is_manual = profile.reliability == "reliable", profile.liveliness == _MANUAL
+    is_durable = profile.durability == "transient_local"
+    policies: list[Any] = [
+        Policy.Reliability.Reliable(_BLOCKED) if is_reliable else Policy.Reliability.BestEffort,
+        Policy.Durability.TransientLocal if is_durable else Policy.Durability.Volatile,
+        Policy.History.KeepAll
+        if profile.history == "keep_all"
+        else Policy.History.KeepLast(profile.depth or 1),
         Policy.DataRepresentation(use_cdrv0_representation=True),
-        *([Policy.Deadline(_nanoseconds(profile.deadline))] if profile.deadline else []),
-        *_liveliness(profile),
-    )
-
-
-def _liveliness(profile: Profile) -> list[Any]:
-    """Return how a publisher shows that it is alive, nothing for the default."""
-    if not (profile.lease or profile.is_manual):
-        return []
-    kind = Policy.Liveliness.ManualByTopic if profile.is_manual else Policy.Liveliness.Automatic
-    return [kind(_nanoseconds(profile.lease) if profile.lease else duration(infinite=True))]
-
-
-def _nanoseconds(seconds: float) -> int:
-    return round(seconds * 1e9)
+    ]
+    if profile.deadline:
+        policies.append(Policy.Deadline(nanoseconds(profile.deadline)))
+    lease = profile.lease_duration
+    if lease or is_manual:
+        kind = Policy.Liveliness.ManualByTopic if is_manual else Policy.Liveliness.Automatic
+        policies.append(kind(nanoseconds(lease) if lease else duration(infinite=True)))
+    return Qos(*policies)
 
 
 class DdsLink:
@@ -131,7 +115,8 @@ class DdsLink:
         if there is None:
             return False
         on_wire = Topic(there, _wire_topic(topic), wire_type(kind))
-        self._readers[key] = DataReader(there, on_wire, qos=_qos(replace(profile, depth=DEPTH)))
+        kept = replace(profile, history="keep_last", depth=DEPTH)
+        self._readers[key] = DataReader(there, on_wire, qos=_qos(kept))
         return True
 
     def publish(self, message: Message) -> None:
@@ -239,7 +224,7 @@ def wire_type(kind: str) -> type[IdlStruct]:
 
 def _field(node: Nodetype, of: Any) -> Any:
     if node is Nodetype.BASE:
-        return _BASES[of[0]]
+        return _BASES.get(of[0]) or getattr(types, of[0])
     if node is Nodetype.NAME:
         return wire_type(of)
     inner, length = of

@@ -20,9 +20,9 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from ruamel.yaml import YAML
 
 from lab3_usd.errors import unwritten
+from lab3_usd.model.qos import Qos as Profile
 from lab3_usd.sim.bag.recording_files import NOT_SENT
 from lab3_usd.sim.bag.tape import Tape
-from lab3_usd.sim.execution.recording import Profile
 from lab3_usd.sim.ros_messages import STORE, command_message, nanoseconds, serialized
 
 HUMBLE = 5  # the version of its metadata
@@ -115,10 +115,10 @@ def _records(tape: Tape, domain: int) -> Iterator[Record]:
 
 def _offered(profile: Profile) -> Qos:
     return Qos(
-        QosHistory.KEEP_LAST if profile.depth else QosHistory.KEEP_ALL,
-        profile.depth,
-        QosReliability.RELIABLE if profile.is_reliable else QosReliability.BEST_EFFORT,
-        QosDurability.TRANSIENT_LOCAL if profile.is_durable else QosDurability.VOLATILE,
+        QosHistory[profile.history.upper()],
+        0 if profile.history == "keep_all" else profile.depth or 0,
+        QosReliability[profile.reliability.upper()],
+        QosDurability[profile.durability.upper()],
         _FOREVER,
         _FOREVER,
         QosLiveliness.AUTOMATIC,

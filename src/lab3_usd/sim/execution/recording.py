@@ -143,29 +143,6 @@ class Points(Struct, frozen=True):
     sensor: str
 
 
-class Profile(Struct, frozen=True):
-    """How a publisher offers its messages (QoS); a depth of 0 keeps all."""
-
-    depth: int = 10
-    is_reliable: bool = True
-    is_durable: bool = False  # kept for subscribers that come late: "transient local"
-    deadline: float = 0.0  # seconds between messages, 0 for none
-    lease: float = 0.0  # seconds in which a publisher is to be alive, 0 for none
-    is_manual: bool = False  # whether a publisher says itself that it is alive
-
-    @property
-    def qos(self) -> Qos:
-        """The same in the words of ROS 2."""
-        return Qos(
-            depth=self.depth,
-            reliability="reliable" if self.is_reliable else "best_effort",
-            durability="transient_local" if self.is_durable else "volatile",
-            deadline=self.deadline,
-            liveliness="manual_by_topic" if self.is_manual else "automatic",
-            lease_duration=self.lease,
-        )
-
-
 class Message(Struct):
     """A message: when it was sent, in which session between Play and Stop, and its header."""
 
@@ -179,7 +156,7 @@ class Message(Struct):
     session: int = 0
     at: float = 0.0
     static: bool = False
-    profile: Profile = Profile()
+    profile: Qos = Qos()
 
     @property
     def transforms(self) -> tuple[Transform, ...]:

@@ -7,40 +7,35 @@ A render product has writers, which publish what its sensor sees.
 
 from __future__ import annotations
 
-import json
-import math
 import re
-from collections.abc import Mapping
 from typing import Any
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from lab3_usd.facts.domains import LAST_DOMAIN
+from lab3_usd.facts.endpoints import read_profile
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.fault import FaultKind
+from lab3_usd.model.qos import Direction, Qos
 from lab3_usd.model.transforms import Vector
 from lab3_usd.physics.machines import Machines
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.node_instance import NodeInstance
-from lab3_usd.sim.execution.recording import Message, Profile
+from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.lidar import Beam, Surroundings
 
 SUBSCRIBER = "subscriber"
 _NAME = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-_POLICIES = {  # words of a QoS profile (Ros2QoS.h:169-213)
-    "history": ("keepLast", "keepAll", "systemDefault", "unknown"),
-    "reliability": ("reliable", "bestEffort", "systemDefault", "unknown"),
-    "durability": ("volatile", "transientLocal", "systemDefault", "unknown"),
-    "liveliness": ("automatic", "manualByTopic", "systemDefault", "unknown"),
-}
-_TIMES = ("deadline", "lifespan", "leaseDuration")
 NOT_OPENED: tuple[FaultKind, ...] = (
     "invalid-context", "invalid-qos-profile", "invalid-topic-name",
 )  # fmt: skip
 DEFAULT_CONTEXT = 0
-STATIC = Profile(depth=1, is_durable=True)  # of static transforms, whatever their node says
+STATIC = Qos(
+    depth=1, durability="transient_local"
+)  # of static transforms, whatever their node says
 Twist = tuple[Vector, Vector]  # linear and angular velocity
 
 
@@ -49,7 +44,7 @@ class RosEndpoint(Struct, frozen=True):
 
     domain: int
     topic: str
-    profile: Profile = Profile()
+    profile: Qos = Qos()
 
 
 class Network(Struct):
@@ -118,8 +113,8 @@ def open_endpoint(
     # A static publisher does not read its profile (RN/nodes/OgnROS2PublishTransformTree.cpp:167).
     is_static = node.flag("staticPublisher", world)
     text = "" if is_static else node.text("qosProfile", world)
-    publishes = SUBSCRIBER not in node.type.role
-    profile = profile_of(text, node.whole("queueSize", world), publishes=publishes)
+    direction: Direction = "subscribes" if SUBSCRIBER in node.type.role else "publishes"
+    profile = profile_of(text, node.whole("queueSize", world), direction)
     if domain is None:
         node.fails("its context is invalid", "invalid-context")
     elif domain > LAST_DOMAIN:
@@ -135,43 +130,17 @@ def open_endpoint(
     return None
 
 
-def profile_of(text: str, queue_size: int, *, publishes: bool = True) -> Profile | None:
+def profile_of(text: str, queue_size: int, direction: Direction = "publishes") -> Qos | None:
     """Return the profile of `qosProfile`, which is JSON, or None where it is none (Ros2QoS.h).
 
-    Of a policy `unknown` ROS 2 makes no endpoint. What the system is to decide, Fast DDS does: a
-    publisher is reliable and transient local, a subscriber best effort and volatile.
+    Of a policy `unknown` ROS 2 makes no endpoint.
     """
     if not text:
-        return Profile(queue_size or Profile().depth)
-    try:
-        qos = json.loads(text)
-    except (ValueError, RecursionError):
+        return Qos(depth=queue_size or Qos().depth)
+    profile = read_profile(text)
+    if profile is None or not profile.is_known:
         return None
-    if not isinstance(qos, dict) or not _is_profile(qos):
-        return None
-    if any(qos[name] == "unknown" for name in _POLICIES):
-        return None
-    reliability = {"systemDefault": "reliable" if publishes else "bestEffort"}
-    durability = {"systemDefault": "transientLocal" if publishes else "volatile"}
-    return Profile(
-        depth=0 if qos["history"] == "keepAll" else max(qos["depth"], 1),
-        is_reliable=reliability.get(qos["reliability"], qos["reliability"]) != "bestEffort",
-        is_durable=durability.get(qos["durability"], qos["durability"]) == "transientLocal",
-        deadline=qos["deadline"],
-        lease=qos["leaseDuration"],
-        is_manual=qos["liveliness"] == "manualByTopic",
-    )
-
-
-def _is_profile(qos: Mapping[str, Any]) -> bool:
-    """Whether Isaac Sim takes a profile: its words, times with a point, and the depth without."""
-    times, depth = [qos.get(name) for name in _TIMES], qos.get("depth")
-    return (
-        all(qos.get(name) in words for name, words in _POLICIES.items())
-        and all(isinstance(time, float) and 0 <= time < math.inf for time in times)
-        and type(depth) is int
-        and depth >= 0
-    )
+    return replace(profile.opened(direction), depth=profile.depth or 1)
 
 
 def opened_endpoint(node: NodeInstance, world: World) -> tuple[RosEndpoint | None, bool]:

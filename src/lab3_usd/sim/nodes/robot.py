@@ -62,7 +62,7 @@ def received(node: NodeInstance, world: World, kind: type) -> object:
 
 def unheard(node: NodeInstance, endpoint: RosEndpoint) -> str:
     """Say why a subscriber hears no publisher with the defaults of ROS 2, '' where it does."""
-    return unmatched("subscribes", node.type.message.get("", ""), endpoint.profile.qos)
+    return unmatched("subscribes", node.type.message.get("", ""), endpoint.profile)
 
 
 @computes("DifferentialController")
