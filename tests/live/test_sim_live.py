@@ -155,7 +155,7 @@ def test_another_program_hears_and_drives_it(player: Player, link: DdsLink, doma
     assert ["odom", "base_footprint"] in heard["frames"]
     assert heard["x"] >= 0.1
     assert player.robot is not None
-    x, y, _ = player.robot.pose().origin
+    x, y, _ = player.robot.posture().base.origin
     assert x - 1.8 >= heard["x"] - 1e-6
     assert y == pytest.approx(0.0, abs=1e-6)
 
@@ -180,7 +180,7 @@ def test_so_does_a_program_of_another_vendor(
     assert heard["rays"] == 360
     assert (heard["frame"], heard["child"]) == ("odom", "base_footprint")
     assert player.robot is not None
-    assert player.robot.pose().origin[0] - 1.8 >= heard["x"] - 1e-6 >= 0.1 - 1e-6
+    assert player.robot.posture().base.origin[0] - 1.8 >= heard["x"] - 1e-6 >= 0.1 - 1e-6
 
 
 def test_so_does_ros_2_itself(tmp_path: Path) -> None:
@@ -211,7 +211,7 @@ def test_without_a_command_it_stands(player: Player, link: DdsLink) -> None:
     assert (lived.played, lived.commands) == (0.5, 0)
     assert {kind for _, kind, _ in lived.sent} == set(WIRE_NAMES)
     assert player.robot is not None
-    assert player.robot.pose().origin[:2] == pytest.approx((1.8, 0.0), abs=1e-6)
+    assert player.robot.posture().base.origin[:2] == pytest.approx((1.8, 0.0), abs=1e-6)
     assert player.world.network.sent == []
 
 
@@ -382,7 +382,7 @@ def test_every_command_of_every_robot_is_heard(link: DdsLink) -> None:
         send_car()
         send_arm()
         is_late = time.monotonic() > latest
-        return is_late or (driven.pose().origin[0] > 0.1 and elbow.position > 0.3)
+        return is_late or (driven.posture().base.origin[0] > 0.1 and elbow.position > 0.3)
 
     latest = time.monotonic() + PATIENCE
     play_live(player, link, moved, lambda *subscriber: opened.append(subscriber))
@@ -390,7 +390,7 @@ def test_every_command_of_every_robot_is_heard(link: DdsLink) -> None:
         ("/drive", STEERING, link.home),
         ("/joint_command", JOINTS, there),
     ]
-    assert driven.pose().origin[0] > 0.1
+    assert driven.posture().base.origin[0] > 0.1
     assert elbow.position == pytest.approx(0.4, abs=0.1)
 
 

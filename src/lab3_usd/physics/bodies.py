@@ -203,9 +203,8 @@ def _machine(base: str, bodies: dict[str, ScenePrim], ends: dict[str, list[Joint
     machine = Machine(base, bodies[base].world.rigid(), rest, parents, moving, held, kinematic)
     machine.know(next((body for body in rest if ROOT in bodies[body].apis), base))
     for joint in closing:  # which holds its bodies together, so that none between them moves
-        first, second = ({id(j): j for j in machine.above(body)} for body in joint.bodies)
-        for number in first.keys() ^ second.keys():
-            (first | second)[number].locked = True
+        for between in machine.between(*joint.bodies):
+            between.locked = True
     return machine
 
 

@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import AXES, Affine, Segment, about
 from lab3_usd.model.joint_drives import JointCommand
-from lab3_usd.model.traction import Pull
+from lab3_usd.model.traction import GRAVITY, Pull
 from lab3_usd.model.transforms import Vector
 from lab3_usd.physics.overlaps import Overlap
 from lab3_usd.physics.surfaces import Surface, distance_to_segments, height_at
@@ -153,7 +153,6 @@ def solution(wheels: Sequence[Wheel]) -> list[tuple[float, float, float]]:
     return motions
 
 
-GRAVITY = 9.81
 STEP, HIGH = 0.01, 0.05  # metres from which on a step stops a wheel, and to which one is looked for
 LOOKS = 0.01  # metres after which the ground below the wheels is looked at again
 _PROMPT = Pull()  # of a wheel that is at its speed at once
@@ -178,10 +177,6 @@ class Posture(Struct, eq=False, dict=True):
         turned = Affine(about(AXES[2], yaw)).then(start).rows
         u, v, w = start.origin
         return Affine(turned, (u + x, v + y, w + drop))
-
-    def offset(self, body: str) -> Affine:
-        """Return where a body is in the frame of the base."""
-        return self.machine.offset(body, self.positions)
 
 
 class Floor(Struct, frozen=True):
@@ -245,7 +240,8 @@ class Machine(Struct):
     is_steered: bool = False  # whether joints turn what a wheel hangs on
     scrubs: bool = False  # whether wheels slide in a turn, as four that do not steer
     walls: list[Segment] = field(default_factory=list)
-    steps: dict[str, tuple[Affine, Affine]] = field(default_factory=dict)  # as kept by `_step`
+    # Where each body rests in its parent, and the way back from the frame of its joint.
+    steps: dict[str, tuple[Affine, Affine]] = field(default_factory=dict)
     firm: dict[str, Affine] = field(default_factory=dict)  # the bodies that never move in the base
     now: Posture | None = None  # as it stands, once somebody asked
     articulated: dict[str, Joint] = field(default_factory=dict)  # those that its controllers know
@@ -254,23 +250,16 @@ class Machine(Struct):
         """Return the body that hangs on a joint."""
         return next(link for link, parent in self.parents.items() if parent is joint)
 
-    def __post_init__(self) -> None:
-        """Find the joints that the articulation knows: up to one that is excluded from it."""
-        self.know(self.base)
+    def between(self, first: str, second: str) -> set[Joint]:
+        """Return the joints that lie between two bodies."""
+        return {*self.above(first)} ^ {*self.above(second)}
 
     def know(self, root: str) -> None:
         """Let the articulation begin at a body: what lies behind an excluded joint is not in it."""
-        own = {id(joint): joint for joint in self.above(root)}
-        self.articulated = {}
         for body, joint in self.parents.items():
-            if joint.kind == FIXED:
-                continue
-            way = {id(each): each for each in self.above(body)}
-            between = [(own | way)[key] for key in own.keys() ^ way.keys()]
-            if not any(each.excluded for each in between):
+            is_moving = joint.kind != FIXED
+            if is_moving and not any(each.excluded for each in self.between(root, body)):
                 self.articulated[joint.name] = joint
-        order = [*self.joints]
-        self.articulated = {name: self.joints[name] for name in order if name in self.articulated}
 
     def reset(self) -> None:
         """Go back to where playing starts."""
@@ -306,10 +295,6 @@ class Machine(Struct):
             self.now = Posture(self, place, positions)
         return self.now
 
-    def pose(self) -> Affine:
-        """Return where the base is now."""
-        return self.posture().base
-
     def offset(self, body: str, positions: Mapping[str, float]) -> Affine:
         """Return where a body is in the base's frame, the joints above it turned as given."""
         joint = self.parents.get(body)
@@ -319,7 +304,10 @@ class Machine(Struct):
             return self.firm[body]
         inner = 1 if joint.bodies[1] == body else 0
         parent = joint.bodies[1 - inner]
-        own, back = self._step(body, parent, joint.frames[inner])
+        if body not in self.steps:
+            rests = self.rest[parent].inverse().then(self.rest[body])
+            self.steps[body] = rests, joint.frames[inner].inverse()
+        own, back = self.steps[body]
         position = positions.get(body)
         if position:
             way = position if inner else -position
@@ -333,25 +321,16 @@ class Machine(Struct):
             self.firm[body] = offset
         return offset
 
-    def _step(self, body: str, parent: str, frame: Affine) -> tuple[Affine, Affine]:
-        """Return where a body rests in its parent, and the way back from the frame of its joint."""
-        step = self.steps.get(body)
-        if step is None:
-            own = self.rest[parent].inverse().then(self.rest[body])
-            step = self.steps[body] = (own, frame.inverse())
-        return step
-
     def step(self, dt: float) -> None:
         """Move on by a step."""
-        self._move_on(dt)
+        if self.grounded:
+            self._drive(dt)
+        elif not self.held:
+            self.fall += GRAVITY * dt
+            self.drop -= self.fall * dt
         self.now = None
 
-    def _move_on(self, dt: float) -> None:
-        if not self.grounded:
-            if not self.held:
-                self.fall += GRAVITY * dt
-                self.drop -= self.fall * dt
-            return
+    def _drive(self, dt: float) -> None:
         speeds = {name: joint.speed(dt) for name, joint in self.joints.items()}
         for wheel in self.wheels:
             if wheel.pull != _PROMPT:
@@ -379,7 +358,8 @@ class Machine(Struct):
     def _steered(self, wheel: Wheel) -> Wheel:
         """Return a wheel in the present posture of the link that carries it."""
         start = Affine(self.start.rows)
-        moved = self.posture().offset(wheel.carrier).then(self.rest[wheel.carrier].inverse())
+        stands = self.offset(wheel.carrier, self.posture().positions)
+        moved = stands.then(self.rest[wheel.carrier].inverse())
         moved = start.then(moved).then(start.inverse())
         x, y, _ = moved.point((*wheel.contact, 0.0))
         u, v, _ = moved.turn((*wheel.along, 0.0))
@@ -404,8 +384,7 @@ class Machine(Struct):
 
     def _meets(self, dx: float, dy: float) -> str:
         """Return what is in the way of a motion, '' for nothing."""
-        step = self._step_ahead(dx, dy)
-        if step:
+        if step := self._step_ahead(dx, dy):
             return step
         self.clearance -= math.hypot(dx, dy)
         if self.clearance > 0 or not (self.walls or self.barriers):
@@ -452,3 +431,49 @@ class Machine(Struct):
         for name, joint in self.joints.items():
             joint.velocity = free.get(name, speeds[name])
             joint.position += joint.velocity * dt
+
+
+class Spot(Struct, frozen=True, dict=True):
+    """A prim, and where it is in the frame of the body that it goes with, or in the world."""
+
+    path: str
+    body: str
+    machine: Machine | None
+    local: Affine
+
+    @property
+    def base(self) -> str:
+        """The base of what it goes with; '' for the world."""
+        return "" if self.machine is None else self.machine.base
+
+    def posture(self) -> Posture | None:
+        """Return how what it goes with stands now; None where it goes with nothing."""
+        return None if self.machine is None else self.machine.posture()
+
+    def place(self, posture: Posture | None) -> Affine:
+        """Return where it is when what it goes with stands so."""
+        if posture is None:
+            return self.local
+        stored = posture.known.get(self.path)
+        if stored is None:
+            stored = posture.known[self.path] = self._place(posture)
+        return stored
+
+    def _place(self, posture: Posture) -> Affine:
+        if self.path == posture.machine.base:
+            return posture.base
+        offset = posture.machine.offset(self.body, posture.positions)
+        return posture.base.then(offset if self.path == self.body else offset.then(self.local))
+
+    def back(self, posture: Posture | None) -> Affine:
+        """Return the way from the world into its frame when what it goes with stands so."""
+        if posture is None:
+            return self._back
+        stored = posture.backs.get(self.path)
+        if stored is None:
+            stored = posture.backs[self.path] = self.place(posture).inverse()
+        return stored
+
+    @cached_property
+    def _back(self) -> Affine:
+        return self.local.inverse()

@@ -22,11 +22,18 @@ from lab3_usd.model.physics import (
     slant,
 )
 from lab3_usd.model.statics import CONTACT, Stand
-from lab3_usd.model.traction import MATERIAL_API, Load, Surface, bound_material, pull_of, surface_of
+from lab3_usd.model.traction import (
+    GRAVITY,
+    MATERIAL_API,
+    Load,
+    Surface,
+    bound_material,
+    pull_of,
+    surface_of,
+)
 from lab3_usd.model.transforms import Vector, cross, length, minus
 from lab3_usd.physics.bodies import ROOT, Bodies, of_another_scene
-from lab3_usd.physics.machine import FIXED, HINGE, Machine, Posture, Wheel, solution
-from lab3_usd.physics.spots import Spot
+from lab3_usd.physics.machine import FIXED, HINGE, Machine, Posture, Spot, Wheel, solution
 from lab3_usd.physics.stance import (
     SPHERICAL,
     Contact,
@@ -323,7 +330,7 @@ class Machines:
         link = machine.link_of(contact.wheel.joint)
         ends = (shape.points[0], shape.points[-1]) if shape.radii else ()
         width = length(minus(*ends)) if len(ends) > 1 else 0.0
-        weight = stance.weight_on([link]) * sum(stance.masses.values()) * 9.81
+        weight = stance.weight_on([link]) * sum(stance.masses.values()) * GRAVITY
         scrub = self._surface(shape.path).friction * weight * width * self.scene.meters_per_unit / 4
         for joint in machine.above(contact.wheel.carrier):
             if joint.kind == HINGE and joint.stiffness > 0 and not joint.locked:

@@ -33,9 +33,8 @@ NOT_OPENED: tuple[FaultKind, ...] = (
     "invalid-context", "invalid-qos-profile", "invalid-topic-name",
 )  # fmt: skip
 DEFAULT_CONTEXT = 0
-STATIC = Qos(
-    depth=1, durability="transient_local"
-)  # of static transforms, whatever their node says
+# Of static transforms, whatever their node says.
+STATIC = Qos(depth=1, durability="transient_local")
 Twist = tuple[Vector, Vector]  # linear and angular velocity
 
 

@@ -13,8 +13,7 @@ from msgspec import Struct
 from lab3_usd.model.dry_run import Affine, Scene, ScenePrim
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
-from lab3_usd.physics.machine import Machine, Posture
-from lab3_usd.physics.spots import Spot
+from lab3_usd.physics.machine import Machine, Posture, Spot
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Later, Message, Transforms
 from lab3_usd.sim.execution.world import RosEndpoint, World, opened_endpoint, send
