@@ -34,7 +34,7 @@ from lab3_usd.model.physics import (
     rigid_bodies,
 )
 from lab3_usd.model.prims import Prim, upwards
-from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, listed_once, once_per_stage
 
 _MIMIC = "Mimic"
 _PAIR = 2
@@ -61,18 +61,8 @@ class Command(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def commands(stage: StageModel) -> tuple[Command, ...]:
-    """Return every live node that moves joints, in the order of the stage."""
-    return tuple(_commands(stage))
-
-
 def commands_of(roots: tuple[str, ...], stage: StageModel) -> Sequence[Command]:
     """Return the commands of articulations with one of some roots, in the order of the stage."""
-    return _by_roots(stage, roots)
-
-
-@once_per_stage
-def _by_roots(stage: StageModel, roots: tuple[str, ...]) -> tuple[Command, ...]:
     by_root = _by_root(stage)
     by_number = {
         number_of: one for root in roots for number_of, one in by_root.get(root, {}).items()
@@ -90,7 +80,9 @@ def _by_root(stage: StageModel) -> Mapping[str, Mapping[int, Command]]:
     return by_root
 
 
-def _commands(stage: StageModel) -> Iterator[Command]:
+@listed_once
+def commands(stage: StageModel) -> Iterator[Command]:
+    """Yield every live node that moves joints, in the order of the stage."""
     live = live_nodes(stage)
     for node in nodes_of(lambda kind: kind.drives, stage):
         ports = None if node.type is None else node.type.drives
@@ -480,13 +472,9 @@ def driven_pairs(stage: StageModel) -> Iterator[tuple[Command, Node, tuple[Prim,
             yield command, controller, (wheels[0], wheels[1])
 
 
-@once_per_stage
-def driven_wheels(stage: StageModel) -> tuple[tuple[Command, Node, tuple[Prim, ...]], ...]:
-    """Return the commands of wheels, with what computes them and the joints in its order."""
-    return tuple(_driven_wheels(stage))
-
-
-def _driven_wheels(stage: StageModel) -> Iterator[tuple[Command, Node, tuple[Prim, ...]]]:
+@listed_once
+def driven_wheels(stage: StageModel) -> Iterator[tuple[Command, Node, tuple[Prim, ...]]]:
+    """Yield the commands of wheels, with what computes them and the joints in its order."""
     for command in commands(stage):
         controller = controller_of(command, stage)
         joints = joints_of(command, stage) if command.roots and controller is not None else {}

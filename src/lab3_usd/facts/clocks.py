@@ -12,7 +12,7 @@ from lab3_usd.facts.endpoints import Endpoint, endpoints
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT
-from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, listed_once
 
 CLOCK = "rosgraph_msgs/msg/Clock"
 
@@ -32,13 +32,9 @@ class Stamp(Struct, frozen=True, eq=False):
     domain: Domain
 
 
-@once_per_stage
-def topic_clocks(stage: StageModel) -> tuple[Stamp, ...]:
-    """Return the clock of each topic that is published."""
-    return tuple(_stamps(stage))
-
-
-def _stamps(stage: StageModel) -> Iterator[Stamp]:
+@listed_once
+def topic_clocks(stage: StageModel) -> Iterator[Stamp]:
+    """Yield the clock of each topic that is published."""
     for endpoint in endpoints(stage):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic:
             stamp = _stamp_of_helper(endpoint, stage) or _stamp_by_wire(endpoint, stage)

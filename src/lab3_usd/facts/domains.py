@@ -12,7 +12,7 @@ from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, listed_once, once_per_stage
 
 _CONTEXT = "context"
 LAST_DOMAIN = 232  # its ports begin at 7400 + 250 * domain (DDS-RTPS), and end at 65535
@@ -58,16 +58,15 @@ class ContextInput(Struct, frozen=True, eq=False):
     is_set: bool
 
 
-@once_per_stage
-def context_inputs(stage: StageModel) -> tuple[ContextInput, ...]:
-    """Return the context of every live node that takes one."""
-    live, port, inputs = live_nodes(stage), INPUT + _CONTEXT, list[ContextInput]()
+@listed_once
+def context_inputs(stage: StageModel) -> Iterator[ContextInput]:
+    """Yield the context of every live node that takes one."""
+    live, port = live_nodes(stage), INPUT + _CONTEXT
     for node in live.values():
         if node.type is not None and port in node.type.ports:
             contexts = tuple(source for source, _ in live_sources(node, port, live))
             is_set = bool(node.sources(port) or node.value(port)) or node.is_unknown(port)
-            inputs.append(ContextInput(node, port, contexts, is_set))
-    return tuple(inputs)
+            yield ContextInput(node, port, contexts, is_set)
 
 
 def invalid_contexts(stage: StageModel) -> Iterator[tuple[Node, str, Value]]:

@@ -16,7 +16,7 @@ from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.facts.sensor_topics import frame_prims
 from lab3_usd.model.prims import Matrix, Prim
-from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, listed_once, once_per_stage
 from lab3_usd.model.transforms import Vector, distance
 
 _APART = 0.02  # metres between places that are two
@@ -101,13 +101,9 @@ class MisnamedPose(Struct, frozen=True, eq=False):
     away: float = 0.0
 
 
-@once_per_stage
-def misnamed_poses(stage: StageModel) -> tuple[MisnamedPose, ...]:
-    """Return the poses of bodies that are sent under the frame of another one."""
-    return tuple(_misnamed_poses(stage))
-
-
-def _misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
+@listed_once
+def misnamed_poses(stage: StageModel) -> Iterator[MisnamedPose]:
+    """Yield the poses of bodies that are sent under the frame of another one."""
     live, bodies = live_nodes(stage), joined_bodies(stage)
     prims_of = frame_prims(stage)
     moving: dict[tuple[str, str], set[str]] = {}  # by domain and frame: what it moves with

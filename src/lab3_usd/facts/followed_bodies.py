@@ -13,7 +13,7 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, listed_once
 
 
 class Followed(Struct, frozen=True, eq=False):
@@ -39,13 +39,9 @@ class Followed(Struct, frozen=True, eq=False):
         return self.body is not None and _is_body(self.body, self.asked)
 
 
-@once_per_stage
-def followed_bodies(stage: StageModel) -> tuple[Followed, ...]:
-    """Return the nodes that follow a prim."""
-    return tuple(_followed_bodies(stage))
-
-
-def _followed_bodies(stage: StageModel) -> Iterator[Followed]:
+@listed_once
+def followed_bodies(stage: StageModel) -> Iterator[Followed]:
+    """Yield the nodes that follow a prim."""
     for node in nodes_of(lambda kind: kind.type in stage.platform.bodies, stage):
         demand = _demand(node, stage.platform)
         prim = None if demand is None else stage.prim(_first(node.targets(INPUT + demand.prim)))

@@ -149,15 +149,13 @@ def above(path: str, paths: Container[str]) -> str:
     return next((each for each in upwards(path.rpartition("/")[0]) if each in paths), "")
 
 
+@once_per_stage
 def articulation_links(root: Prim, stage: StageModel) -> Links | None:
     """Return the links that joints tie to an articulation root, parents first; None for no root."""
-    return _links_of(stage, root.path) if ARTICULATION_API in root.apis else None
-
-
-@once_per_stage
-def _links_of(stage: StageModel, root: str) -> Links | None:
+    if ARTICULATION_API not in root.apis:
+        return None
     parents, children = _tied_links(stage)
-    ahead = [_topmost(path, parents) for path in bodies_below(stage, root)]
+    ahead = [_topmost(path, parents) for path in bodies_below(stage, root.path)]
     links: Links = {}
     for path in ahead:  # which grows
         if path not in links:

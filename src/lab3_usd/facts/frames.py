@@ -6,7 +6,7 @@ given, or a publisher (as before 6.0) looks at prims of its own.
 
 from __future__ import annotations
 
-from collections.abc import Container, Iterable, Mapping, Sequence
+from collections.abc import Container, Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -270,10 +270,9 @@ def is_tree_known(stage: StageModel) -> bool:
     return not (idle or any(transforms.edges is None or transforms.hidden for transforms in sent))
 
 
-@once_per_stage
-def _transform_publishers(stage: StageModel) -> tuple[tuple[Node, str], ...]:
-    """Return the running nodes that publish transforms, with the topic they publish on."""
-    live, senders = live_nodes(stage), list[tuple[Node, str]]()
+def _transform_publishers(stage: StageModel) -> Iterator[tuple[Node, str]]:
+    """Yield the running nodes that publish transforms, with the topic they publish on."""
+    live = live_nodes(stage)
     for node in working_nodes(stage).values():
         kind = node.type
         if kind is None or kind.role != "publisher":
@@ -283,8 +282,7 @@ def _transform_publishers(stage: StageModel) -> tuple[tuple[Node, str], ...]:
             continue
         topic = full_topic(node, kind.topics[0], stage, live)
         if topic is not None:
-            senders.append((node, topic))
-    return tuple(senders)
+            yield node, topic
 
 
 def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 from msgspec import Struct
 
 from lab3_usd.facts.articulations import Command, commands, joints_commanded
@@ -11,7 +13,7 @@ from lab3_usd.isaac.behaviour import UnitOf
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import Node, StageModel, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, listed_once
 
 _WHEEL_SPEEDS = "speeds of wheels"
 _COMPONENTS = ("x", "y", "z")
@@ -65,17 +67,15 @@ def quantity_of(
     return quantity_of(source, INPUT + units.passes, stage, part, depth - 1)
 
 
-@once_per_stage
-def wheel_commands(stage: StageModel) -> tuple[tuple[Command, tuple[Prim, ...]], ...]:
-    """Return the commands that a controller of wheels computes, with the joints of the wheels."""
-    wheeled = []
+@listed_once
+def wheel_commands(stage: StageModel) -> Iterator[tuple[Command, tuple[Prim, ...]]]:
+    """Yield the commands that a controller of wheels computes, with the joints of the wheels."""
     for command in commands(stage):
         _, velocity, _ = command.ports.commands
         given = quantity_of(command.node, velocity, stage) if command.roots else None
         is_of_wheels = given is not None and given.name == _WHEEL_SPEEDS
         if is_of_wheels and command.node.path in run_states(stage):
-            wheeled.append((command, tuple(joints_commanded(command, velocity, stage))))
-    return tuple(wheeled)
+            yield command, tuple(joints_commanded(command, velocity, stage))
 
 
 def _units(node: Node, platform: Platform) -> UnitOf | None:

@@ -55,16 +55,11 @@ class SensorFault(Struct, frozen=True):
         )
 
 
+@once_per_stage
 def faults_of(prim: Prim, stage: StageModel) -> tuple[SensorFault, ...]:
     """Return what is wrong with the values of a sensor's prim."""
-    return _faults_at(stage, prim.path)
-
-
-@once_per_stage
-def _faults_at(stage: StageModel, path: str) -> tuple[SensorFault, ...]:
-    prim = stage.prims[path]
     # A missing asset may be above one of several that are alike.
-    alike = (prim.type, prim.apis, stage.unknown(path) is None)
+    alike = (prim.type, prim.apis, stage.unknown(prim.path) is None)
     return known_faults(stage.platform, values_of(prim, stage), alike)
 
 

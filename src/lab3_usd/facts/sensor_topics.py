@@ -19,7 +19,7 @@ from lab3_usd.facts.render_products import Shown, shown_by
 from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.topics import frame_ports, product_input
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import StageModel, once_per_stage
+from lab3_usd.model.stage import StageModel, listed_once, once_per_stage
 
 
 class SensorTopic(Struct, frozen=True, eq=False):
@@ -39,13 +39,9 @@ class SensorTopic(Struct, frozen=True, eq=False):
     others: tuple[str, ...] = ()
 
 
-@once_per_stage
-def sensor_topics(stage: StageModel) -> tuple[SensorTopic, ...]:
-    """Return the topics of sensors that are sent, where sensor and frame are known."""
-    return tuple(_sensor_topics(stage))
-
-
-def _sensor_topics(stage: StageModel) -> Iterator[SensorTopic]:
+@listed_once
+def sensor_topics(stage: StageModel) -> Iterator[SensorTopic]:
+    """Yield the topics of sensors that are sent, where sensor and frame are known."""
     live = live_nodes(stage)
     for endpoint in endpoints(stage):
         node, kind = endpoint.node, endpoint.node.type

@@ -49,18 +49,14 @@ class Disc(Struct, frozen=True):
     axis: Vector
 
 
+@once_per_stage
 def disc_of(wheel: Prim, stage: StageModel) -> Disc | None:
     """Return the shape of a wheel, None where nothing tells it.
 
     A wheel is as high as it is long: two sides of the box around it are alike. A wheel that was
     saved turned has a larger box, so that none is taken then.
     """
-    return _disc_at(stage, wheel.path)
-
-
-@once_per_stage
-def _disc_at(stage: StageModel, path: str) -> Disc | None:
-    wheel, boxes = stage.prims[path], list(stage.colliders.below(path))
+    boxes = list(stage.colliders.below(wheel.path))
     if wheel.world is None or not boxes:
         return None
     rows = (wheel.world[0:3], wheel.world[4:7], wheel.world[8:11])

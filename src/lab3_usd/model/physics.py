@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import Any
 
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import Prim, upwards
-from lab3_usd.model.stage import StageModel, once_per_stage
+from lab3_usd.model.stage import StageModel, listed_once, once_per_stage
 from lab3_usd.model.transforms import angle_between
 
 BODY_API = "PhysicsRigidBodyAPI"
@@ -91,7 +91,7 @@ def is_joint_type(name: str) -> bool:
 
 def bodies_below(stage: StageModel, top: str) -> Sequence[str]:
     """Return the paths of the rigid bodies of the scene at and below a prim, parents first."""
-    return _bodies_by_top(stage).get(top, [])
+    return _bodies_by_top(stage).get(top, ())
 
 
 @once_per_stage
@@ -118,14 +118,12 @@ def bodies(prim: Prim) -> tuple[str, str]:
     return first[0] if first else "", second[0] if second else ""
 
 
-@once_per_stage
-def joints(stage: StageModel) -> tuple[Prim, ...]:
-    """Return the joints that are part of the scene and switched on."""
-    return tuple(
-        prim
-        for prim in stage.of_type(is_joint_type)
-        if prim.present and not is_switched_off(prim, JOINT_ENABLED)
-    )
+@listed_once
+def joints(stage: StageModel) -> Iterator[Prim]:
+    """Yield the joints that are part of the scene and switched on."""
+    for prim in stage.of_type(is_joint_type):
+        if prim.present and not is_switched_off(prim, JOINT_ENABLED):
+            yield prim
 
 
 def ends(joint: Prim) -> tuple[str, ...]:

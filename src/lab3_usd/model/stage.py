@@ -442,25 +442,39 @@ _T = TypeVar("_T")
 def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
     """Let a function of a stage, or of what has a `stage`, keep its results in the stage's model.
 
-    Nothing outlives the model, which may hold an open file.
+    A stage is the first argument or the last one, what has a `stage` the first. Nothing outlives
+    the model, which may hold an open file.
     """
 
     @wraps(function)
-    def kept(about: Any, *more: Any) -> _T:
-        if type(about) is StageModel:
-            results, key = about.derived, (function, *more)
+    def kept(*about: Any) -> _T:
+        first, last = about[0], about[-1]
+        if type(last) is StageModel:
+            results, key = last.derived, (function, *about[:-1])
+        elif type(first) is StageModel:
+            results, key = first.derived, (function, *about[1:])
         else:
-            results, key = about.stage.judged, (function, about, *more)
+            results, key = first.stage.judged, (function, *about)
         try:
             result: _T = results[key]
         except KeyError:
             pass
         else:
             return result
-        results[key] = result = function(about, *more)  # type: ignore[call-arg]  # all are positional
+        results[key] = result = function(*about)  # type: ignore[call-arg]  # all are positional
         return result
 
     return kept  # type: ignore[return-value]  # nobody names an argument
+
+
+def listed_once(function: Callable[_P, Iterator[_T]]) -> Callable[_P, tuple[_T, ...]]:
+    """Let what a function of a stage yields be kept in the stage's model, as `once_per_stage`."""
+
+    @wraps(function)
+    def listed(*args: _P.args, **kwargs: _P.kwargs) -> tuple[_T, ...]:
+        return tuple(function(*args, **kwargs))
+
+    return once_per_stage(listed)
 
 
 def absence_reason(stage: StageModel, path: str) -> str:
