@@ -7,14 +7,14 @@ largest scale there, as in PhysX (omni.usdphysics/plugins/Collision.cpp:132-310)
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from heapq import nsmallest
 from operator import itemgetter
 
 from msgspec import Struct
 
 from lab3_usd.model.dry_run import Affine, ScenePrim
-from lab3_usd.model.transforms import Vector, cross, length, minus
+from lab3_usd.model.transforms import Vector, box_of, cross, length, minus
 
 _RING = 16  # points of an upright disc
 _UPRIGHT = 0.98  # of the cosine between an axis and the vertical, from which on a disc lies flat
@@ -141,12 +141,6 @@ def across(axis: Vector) -> tuple[Vector, Vector]:
 def _between(first: Vector, second: Vector, part: float) -> Vector:
     x, y, z = (a + part * (b - a) for a, b in zip(first, second, strict=True))
     return (x, y, z)
-
-
-def box_of(points: Iterable[Vector]) -> tuple[Vector, Vector]:
-    """Return the lowest and the highest coordinates of points."""
-    xs, ys, zs = zip(*points, strict=True)
-    return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
 
 
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}

@@ -6,7 +6,7 @@ Matrices are 16 numbers in rows as USD multiplies: row vectors from the left, tr
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from typing import Literal
 
 from msgspec import Struct
@@ -236,6 +236,12 @@ def rotate_by_quaternion(vector: Vector, quaternion: tuple[float, float, float, 
         vector[1] + 2 * (quaternion[3] * first[1] + second[1]) / size,
         vector[2] + 2 * (quaternion[3] * first[2] + second[2]) / size,
     )
+
+
+def box_of(points: Iterable[Vector]) -> tuple[Vector, Vector]:
+    """Return the lowest and the highest coordinates of points."""
+    xs, ys, zs = zip(*points, strict=True)
+    return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
 
 
 def distance(start: Vector, end: Vector) -> float:

@@ -11,8 +11,8 @@ from collections.abc import Iterable, Iterator, Sequence
 from msgspec import Struct
 
 from lab3_usd.model.dry_run import AXES, ScenePrim
-from lab3_usd.model.solids import Solid, across, box_of, solid_of
-from lab3_usd.model.transforms import Vector, cross, dot, length, minus
+from lab3_usd.model.solids import Solid, across, solid_of
+from lab3_usd.model.transforms import Vector, box_of, cross, dot, length, minus
 from lab3_usd.physics.surfaces import Surface, placed_surface
 
 DEEP = 5e-3  # metres from which on it counts

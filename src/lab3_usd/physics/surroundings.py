@@ -6,7 +6,8 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 
 from lab3_usd.model.dry_run import AXES, Affine
-from lab3_usd.model.solids import Solid, box_of
+from lab3_usd.model.solids import Solid
+from lab3_usd.model.transforms import box_of
 from lab3_usd.physics.bodies import has_collision
 from lab3_usd.physics.machine import FIXED, Floor, Machine
 from lab3_usd.physics.overlaps import Block, Overlap, block_of, box_around, overlaps

@@ -10,8 +10,7 @@ from lab3_usd.model.dry_run import Scene, ScenePrim
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
 from lab3_usd.model.physics import SCENE, UNSET, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.solids import box_of
-from lab3_usd.model.transforms import length, minus
+from lab3_usd.model.transforms import box_of, length, minus
 from lab3_usd.physics.bodies import has_collision
 from lab3_usd.physics.machine import HINGE, JOINTS, Joint, Machine
 

@@ -3,14 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable, Iterator
-from functools import cache
+from collections.abc import Iterator, Sequence
+from functools import cache, cached_property
 from typing import Any
 
 from pxr import Gf, Usd, Vt
 
+from lab3_usd.model.physics import COLLISION_API
 from lab3_usd.model.prims import Collider, Colliders, Matrix, Prims, upwards
-from lab3_usd.model.transforms import scale_of
+from lab3_usd.model.transforms import Vector, box_of, scale_of, scaled, transform_point
 from lab3_usd.stage.read.opening import stage_errors
 from lab3_usd.stage.read.prim_transforms import TransformCache
 from lab3_usd.stage.read.prims import PrimReader
@@ -22,10 +23,8 @@ from lab3_usd.stage.read.properties import (
     stage_number,
 )
 
-_Corner = tuple[float, float, float]
-_Box = tuple[_Corner, _Corner]
+_Box = tuple[Vector, Vector]
 
-_COLLISION = "PhysicsCollisionAPI"
 _EVEN = 1e-4  # of a scale, between what counts as one
 _ENDS = 2  # corners of an extent
 _FEW = 100  # points of a mesh; more are left to UsdGeom
@@ -48,75 +47,66 @@ class StageColliders(Colliders):
         """Measure the prims of a stage."""
         self._prims = prims
         self._reader = reader
-        self._present: list[str] = []  # as the stage is traversed
-        self._spans: dict[str, tuple[int, int]] = {}  # where those at and below a prim are there
-        self._boxes: dict[str, _Box | None] = {}  # None without a shape, its own or below
         self._shapes: dict[str, _Box | None] = {}  # of prims by themselves
-        self._colliders: dict[str, Collider | None] = {}  # of collision prims, in metres
-        self._bounds: dict[str, Collider | None] = {}  # by their extents, of those not measured
+        self._measured: dict[str, Collider | None] = {}  # of collision prims
+        self._bounds: dict[str, Collider | None] = {}  # by their extents
         self._metres = stage_number(reader.stage.GetMetadata("metersPerUnit"), CENTIMETRES)
 
     def below(self, top: str) -> list[Collider]:
         """Return the boxes of the shapes at and below a prim."""
-        paths = self._paths()
         start, end = self._spans.get(top.rstrip("/"), (0, 0))
-        return [*self._boxes_of(paths[start:end])]
+        return [*filter(None, map(self.measured, self._paths[start:end]))]
 
     def beside(self, top: str) -> Iterator[Collider]:
         """Yield the boxes of the shapes that are not `below` a prim."""
-        paths = self._paths()
         start, end = self._spans.get(top.rstrip("/"), (0, 0))
-        return self._boxes_of([*paths[:start], *paths[end:]])
+        return filter(None, map(self.measured, [*self._paths[:start], *self._paths[end:]]))
 
     def bounds(self) -> Iterator[Collider]:
         """Yield boxes that hold the shapes: that of a mesh by its `extent`, where a layer says it.
 
         So the points of a mesh that is far from a robot are not read.
         """
-        return filter(None, map(self._bounds_of, self._paths()))
-
-    def _bounds_of(self, path: str) -> Collider | None:
-        if path in self._colliders:
-            return self._colliders[path]
-        if path not in self._bounds:
-            with stage_errors(self._reader.name):
-                box = self._by_extent(path)
-            self._bounds[path] = self.measured(path) if box is None else self._in_metres(path, box)
-        return self._bounds[path]
-
-    def shape(self, path: str) -> Collider | None:
-        """Return the box around a prim's own shape, whether it collides or not."""
-        if path not in self._shapes:
-            with stage_errors(self._reader.name):
-                prim = self._reader.stage.GetPrimAtPath(path)
-                is_there = bool(prim) and self._is_defined(path)
-                transforms = self._reader.transforms
-                self._shapes[path] = _world_box(prim, path, transforms) if is_there else None
-        return self._in_metres(path, self._shapes[path])
-
-    def _paths(self) -> list[str]:
-        """Return the collision prims that are there, as the stage is traversed."""
-        if not self._present:
-            colliding = self._prims.with_api(_COLLISION)
-            solid = (prim for prim in colliding if prim.present and self._is_defined(prim.path))
-            self._present += (prim.path for prim in solid)
-            for number, path in enumerate(self._present):
-                for above in ("", *upwards(path)):
-                    start, _ = self._spans.get(above, (number, 0))
-                    self._spans[above] = start, number + 1
-        return self._present
-
-    def _boxes_of(self, paths: Iterable[str]) -> Iterator[Collider]:
-        return filter(None, map(self.measured, paths))
+        return filter(None, map(self._bounds_of, self._paths))
 
     def measured(self, path: str) -> Collider | None:
         """Return the box of the shapes of a collision prim."""
-        if path not in self._colliders:
+        if path not in self._measured:
             with stage_errors(self._reader.name):
-                if path not in self._boxes:
-                    self._measure(prim_at(self._reader.stage, path), path)
-            self._colliders[path] = self._in_metres(path, self._boxes[path])
-        return self._colliders[path]
+                parts = Usd.PrimRange(prim_at(self._reader.stage, path), _PARTS)
+                corners = [corner for part in parts for corner in self._shape_of(part) or ()]
+            self._measured[path] = self._in_metres(path, box_of(corners) if corners else None)
+        return self._measured[path]
+
+    def shape(self, path: str) -> Collider | None:
+        """Return the box around a prim's own shape, whether it collides or not."""
+        with stage_errors(self._reader.name):
+            prim = self._reader.stage.GetPrimAtPath(path)
+            is_there = bool(prim) and self._is_defined(path)
+            return self._in_metres(path, self._shape_of(prim) if is_there else None)
+
+    @cached_property
+    def _paths(self) -> list[str]:
+        """The collision prims that are there, as the stage is traversed."""
+        colliding = self._prims.with_api(COLLISION_API)
+        return [prim.path for prim in colliding if prim.present and self._is_defined(prim.path)]
+
+    @cached_property
+    def _spans(self) -> dict[str, tuple[int, int]]:
+        """Where the collision prims at and below each prim begin and end among all."""
+        spans: dict[str, tuple[int, int]] = {}
+        for number, path in enumerate(self._paths):
+            for above in ("", *upwards(path)):
+                start, _ = spans.get(above, (number, 0))
+                spans[above] = start, number + 1
+        return spans
+
+    def _bounds_of(self, path: str) -> Collider | None:
+        if path not in self._bounds:
+            with stage_errors(self._reader.name):
+                box = self._by_extent(path)
+            self._bounds[path] = self._in_metres(path, box) or self.measured(path)
+        return self._bounds[path]
 
     def _by_extent(self, path: str) -> _Box | None:
         """Return the box around the extent of a mesh, None where no layer says it."""
@@ -125,17 +115,10 @@ class StageColliders(Colliders):
         extent = authored_data(prim, "extent") if is_mesh else None
         if not isinstance(extent, Vt.Vec3fArray) or len(extent) != _ENDS:
             return None
-        world = self._reader.transforms.of(prim, path)[1]
-        ends: Any = memoryview(extent).tolist()
-        middle, half = (
-            [(v + sign * u) / 2 for u, v in zip(*ends, strict=True)] for sign in (1, -1)
-        )
-        at, to = [0.0] * 3, [0.0] * 3
-        for k in range(3):
-            centre = world[12 + k] + sum(middle[row] * world[4 * row + k] for row in range(3))
-            reach = sum(abs(half[row] * world[4 * row + k]) for row in range(3))
-            at[k], to[k] = centre - reach, centre + reach
-        return (at[0], at[1], at[2]), (to[0], to[1], to[2])
+        low, high = elements(extent[0]), elements(extent[1])
+        half = [(end - start) / 2 for start, end in zip(low, high, strict=True)]
+        middle = (low[0] + half[0], low[1] + half[1], low[2] + half[2])
+        return _turned_box(self._reader.transforms.of(prim, path)[1], middle, half)
 
     def _is_defined(self, path: str) -> bool:
         """Whether a prim is surely in the scene, and not only if a missing asset defines it."""
@@ -145,34 +128,14 @@ class StageColliders(Colliders):
     def _in_metres(self, path: str, box: _Box | None) -> Collider | None:
         if box is None:
             return None
-        return Collider(path, _scaled(box[0], self._metres), _scaled(box[1], self._metres))
+        return Collider(path, scaled(box[0], self._metres), scaled(box[1], self._metres))
 
-    def _measure(self, top: Usd.Prim, top_path: str) -> None:
-        """Measure a collision prim and those below it, each shape once."""
-        transforms = self._reader.transforms
-        if not Usd.Prim.GetAllChildrenNames(top) and not Usd.Prim.IsInstance(top):
-            self._boxes[top_path] = self._shapes[top_path] = _world_box(top, top_path, transforms)
-            return
-        open_boxes: list[list[_Box]] = [[]]
-        prims = iter(Usd.PrimRange.PreAndPostVisit(top, _PARTS))
-        for prim in prims:
-            path = str(Usd.Prim.GetPath(prim))
-            if not prims.IsPostVisit():
-                is_measured = path in self._boxes
-                if not is_measured and path not in self._shapes:
-                    self._shapes[path] = _world_box(prim, path, transforms)
-                box = self._boxes[path] if is_measured else self._shapes[path]
-                open_boxes.append([] if box is None else [box])
-                if is_measured:
-                    prims.PruneChildren()
-                continue
-            boxes = open_boxes.pop()
-            corners = [*(low for low, _ in boxes), *(high for _, high in boxes)]
-            box = _bounds(corners) if boxes else None
-            open_boxes[-1] += [] if box is None else [box]
-            if prim == top or _COLLISION in Usd.Prim.GetPrimTypeInfo(prim).GetAppliedAPISchemas():
-                self._boxes[path] = box
-        self._boxes.setdefault(top_path, None)
+    def _shape_of(self, prim: Usd.Prim) -> _Box | None:
+        """Return the box around a prim's own shape in the world, in units of the stage."""
+        path = str(Usd.Prim.GetPath(prim))
+        if path not in self._shapes:
+            self._shapes[path] = _world_box(prim, path, self._reader.transforms)
+        return self._shapes[path]
 
 
 def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | None:
@@ -186,11 +149,7 @@ def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | 
         return _around(_evenly(world), _number(prim, "radius"), 0.0, 0, has_balls=True)
     if kind == "Cube":
         half = abs(_number(prim, "size")) / 2
-        x, y, z = (
-            half * (abs(world[index]) + abs(world[4 + index]) + abs(world[8 + index]))
-            for index in range(3)
-        )
-        return _reaching(world, x, y, z)
+        return _turned_box(world, (0.0, 0.0, 0.0), (half, half, half))
     points = authored_data(prim, "points")
     if not points or not isinstance(points, Vt.Vec3fArray):
         return None
@@ -199,7 +158,7 @@ def _world_box(prim: Usd.Prim, path: str, transforms: TransformCache) -> _Box | 
         # Iterating over a Vt array or a vector is many times as slow.
         rows: Any = memoryview(points).tolist()
         moved: Any = [elements(matrix.Transform(Gf.Vec3d(*row))) for row in rows]
-        return _bounds(moved)
+        return box_of(moved)
     return _box_of_many(points, matrix)
 
 
@@ -241,25 +200,25 @@ def _number(prim: Usd.Prim, name: str) -> float:
 
 def _around(matrix: Matrix, radius: float, half: float, along: int, *, has_balls: bool) -> _Box:
     """Return the box around two discs, or two balls, that lie `half` from the middle."""
-    x, y, z = (
+    reach = (
         abs(matrix[4 * along + column]) * half
         + radius
         * math.hypot(*(matrix[4 * row + column] for row in range(3) if has_balls or row != along))
         for column in range(3)
     )
-    return _reaching(matrix, x, y, z)
+    return _reaching((matrix[12], matrix[13], matrix[14]), *reach)
 
 
-def _reaching(matrix: Matrix, x: float, y: float, z: float) -> _Box:
-    """Return the box around where the matrix puts the origin, with these half sizes."""
-    across, along, up = matrix[12:15]
+def _turned_box(matrix: Matrix, middle: Vector, half: Sequence[float]) -> _Box:
+    """Return the box around one of these half sizes about a point, where the matrix puts it."""
+    reach = (
+        sum(abs(size * matrix[4 * row + column]) for row, size in enumerate(half))
+        for column in range(3)
+    )
+    return _reaching(transform_point(middle, matrix), *reach)
+
+
+def _reaching(middle: Vector, x: float, y: float, z: float) -> _Box:
+    """Return the box around a point, with these half sizes."""
+    across, along, up = middle
     return (across - x, along - y, up - z), (across + x, along + y, up + z)
-
-
-def _bounds(points: list[_Corner]) -> _Box:
-    xs, ys, zs = zip(*points, strict=True)
-    return (min(xs), min(ys), min(zs)), (max(xs), max(ys), max(zs))
-
-
-def _scaled(corner: _Corner, metres: float) -> _Corner:
-    return corner[0] * metres, corner[1] * metres, corner[2] * metres
