@@ -65,14 +65,6 @@ def tf2_name(written: str) -> str:
     return written.removeprefix("/")
 
 
-class _Scene(Struct, frozen=True):
-    """What the computation looks things up in."""
-
-    stage: StageModel
-    live_nodes: Nodes
-    running: Nodes
-
-
 class PublishedTransforms(Struct, frozen=True):
     """What one publisher of transforms sends on a topic.
 
@@ -93,10 +85,9 @@ def published_transforms(stage: StageModel) -> tuple[PublishedTransforms, ...]:
     All graphs count. A node publishes when an event reaches it over execution wires; the order
     is that of the nodes and their targets.
     """
-    scene = _Scene(stage, live_nodes(stage), working_nodes(stage))
     own = stage.platform.ros.tree_topics
     senders = sorted(_transform_publishers(stage), key=lambda sender: sender[1] not in own)
-    return tuple(_published_by(node, topic, scene) for node, topic in senders)
+    return tuple(_published_by(node, topic, stage) for node, topic in senders)
 
 
 @once_per_stage
@@ -285,34 +276,23 @@ def _transform_publishers(stage: StageModel) -> Iterator[tuple[Node, str]]:
             yield node, topic
 
 
-def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
-    ports = tf_ports(node)
-    static = (
-        ports.static is not None and effective_value(node, ports.static, scene.live_nodes) is True
-    )
-    if ports.names:
-        parent, child = (effective_value(node, port, scene.live_nodes) for port in ports.names)
-        if not isinstance(parent, str) or not isinstance(child, str):
-            return PublishedTransforms(node, topic, None)
-        parent, child = tf2_name(parent), tf2_name(child)
-        edge = Edge(parent, child, node.path, node.path, topic, static)
-        domain = domain_of(node, scene.live_nodes, scene.stage.platform)
-        edge = replace(edge, sure=_is_sure(scene, node), domain=domain)
-        return PublishedTransforms(node, topic, (edge,))
-    domain = domain_of(node, scene.live_nodes, scene.stage.platform)
-    written = _written_frames(node, ports, scene)
+def _published_by(node: Node, topic: str, stage: StageModel) -> PublishedTransforms:
+    ports, live = tf_ports(node), live_nodes(stage)
+    static = ports.static is not None and effective_value(node, ports.static, live) is True
+    domain = domain_of(node, live, stage.platform)
+    written = _written_frames(node, ports, live)
     if written is not None:
-        is_sure = _is_sure(scene, node)
+        is_sure = _is_sure(stage, node)
         named = (
             Edge(*frames, node.path, node.path, topic, static, sure=is_sure, domain=domain)
             for frames in written
         )
         return PublishedTransforms(node, topic, tuple(named))
-    arrays = _arrays(node, ports, scene) if ports.prims else None
+    arrays = _arrays(node, ports, stage) if ports.prims else None
     if arrays is None:
         return PublishedTransforms(node, topic, None)
     maker = arrays.maker
-    is_sure = _is_sure(scene, node, maker)
+    is_sure = _is_sure(stage, node, maker)
     edges = []
     for pair in arrays.pairs:
         parent, child = ((pair.parent, pair.child)[place] for place in arrays.order)
@@ -321,33 +301,38 @@ def _published_by(node: Node, topic: str, scene: _Scene) -> PublishedTransforms:
             expanded=pair.expanded, sure=is_sure, domain=domain,
         )  # fmt: skip
         edges.append(edge)
-    top = parent_frame(maker, scene.stage)
+    top = parent_frame(maker, stage)
     hidden = tuple(
         replace(frames, parent=top, publisher=node.path, cause=maker.path, topic=topic)
-        for frames in (unresolved_frames_of(maker, scene.stage) if arrays.is_filled else ())
+        for frames in (unresolved_frames_of(maker, stage) if arrays.is_filled else ())
     )
     return PublishedTransforms(node, topic, tuple(edges), hidden)
 
 
-def _written_frames(node: Node, ports: TfPorts, scene: _Scene) -> list[tuple[str, str]] | None:
-    """Return the frames that arrays name which are written or made of texts; None for no such ones.
+def _written_frames(node: Node, ports: TfPorts, live: Nodes) -> list[tuple[str, str]] | None:
+    """Return the frames that a node names: two, or arrays that are written or made of texts.
 
-    There are none where arrays differ in length, for then nothing is sent.
+    None where they are unknown, or not given by name. There are none where arrays differ in length,
+    for then nothing is sent.
     """
-    names = [listed_names(node, port, scene.live_nodes) for port in ports.arrays]
+    if ports.names:
+        frames = [effective_value(node, port, live) for port in ports.names]
+        parent, child = (tf2_name(name) if isinstance(name, str) else None for name in frames)
+        return None if parent is None or child is None else [(parent, child)]
+    names = [listed_names(node, port, live) for port in ports.arrays]
     if not names or not all(names):
         return None
     inputs = () if node.type is None else node.type.ports.values()
     lists = (port.name for port in inputs if port.usd_type.endswith("[]"))
-    arrays = [list_at(node, port, scene.live_nodes) for port in lists]
+    arrays = [list_at(node, port, live) for port in lists]
     if len({len(array) for array in arrays if array is not None}) > 1:
         return []
     parents, children = ([tf2_name(name) for name in array or ()] for array in names)
     return [*zip(parents, children, strict=True)]
 
 
-def _is_sure(scene: _Scene, *nodes: Node) -> bool:
-    states = working_states(scene.stage)
+def _is_sure(stage: StageModel, *nodes: Node) -> bool:
+    states = working_states(stage)
     # A node that is only read has no state.
     return not any(states.get(node.path) == "may run" for node in nodes)
 
@@ -364,21 +349,21 @@ class _Arrays(Struct, frozen=True):
     is_filled: bool = True
 
 
-def _arrays(node: Node, ports: TfPorts, scene: _Scene) -> _Arrays | None:
+def _arrays(node: Node, ports: TfPorts, stage: StageModel) -> _Arrays | None:
     """Return what fills the arrays of a publisher, None where it is unknown.
 
     All of them must be as long as its array of parents: an array that is left alone is empty, and
     then nothing is sent. Without parents it looks at its own targets, and sends nothing at all if
     one of them does not exist.
     """
-    stage = scene.stage
+    live, running = live_nodes(stage), working_nodes(stage)
     inputs = {} if node.type is None else node.type.ports
     # A node that waits for a signal that never comes leaves the arrays that it feeds empty.
     makers = {
         port.name: [
             (source, out)
-            for source, out in live_sources(node, port.name, scene.live_nodes)
-            if source.path in scene.running or not any(signal_inputs(source))
+            for source, out in live_sources(node, port.name, live)
+            if source.path in running or not any(signal_inputs(source))
         ]
         for port in inputs.values()
         if port.usd_type.endswith("[]")
