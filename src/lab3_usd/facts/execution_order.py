@@ -7,7 +7,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Container, Iterator, Mapping
 from functools import lru_cache
-from typing import Literal
+from typing import Literal, TypeVar
 
 from lab3_usd.facts.reaching_values import (
     LiveNodes,
@@ -25,6 +25,7 @@ from lab3_usd.model.stage import GraphModel, Node, StageModel, once_per_stage
 # A node that is not named among the states does not run.
 State = Literal["runs", "may run"]
 ENABLED = "inputs:enabled"
+_Entry = TypeVar("_Entry")
 _Followers = Mapping[str, list[str]]
 _OPENED_FIRST = ("publisher", "subscriber")
 _SUREST_FIRST: tuple[State, ...] = ("runs", "may run")
@@ -55,6 +56,12 @@ def nodes_of(asked: Callable[[NodeType], object], stage: StageModel) -> list[Nod
     """Return the live nodes of the types asked for, in the order of the stage."""
     groups = (nodes for kind, nodes in _by_type(stage).items() if asked(kind))
     return [node for _, node in sorted(numbered for nodes in groups for numbered in nodes)]
+
+
+def nodes_in(table: Mapping[str, _Entry], stage: StageModel) -> list[tuple[Node, _Entry]]:
+    """Return the live nodes of the types in a table of the platform, with what it says of each."""
+    nodes = nodes_of(lambda kind: kind.type in table, stage)
+    return [(node, table[node.type.type]) for node in nodes if node.type is not None]
 
 
 @once_per_stage

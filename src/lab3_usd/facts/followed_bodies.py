@@ -6,11 +6,10 @@ from collections.abc import Iterable, Iterator
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import live_nodes, nodes_of
+from lab3_usd.facts.execution_order import live_nodes, nodes_in
 from lab3_usd.facts.reaching_values import live_sources
 from lab3_usd.isaac.behaviour import BodyOf
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
-from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, listed_once
@@ -42,10 +41,9 @@ class Followed(Struct, frozen=True, eq=False):
 @listed_once
 def followed_bodies(stage: StageModel) -> Iterator[Followed]:
     """Yield the nodes that follow a prim."""
-    for node in nodes_of(lambda kind: kind.type in stage.platform.bodies, stage):
-        demand = _demand(node, stage.platform)
-        prim = None if demand is None else stage.prim(_first(node.targets(INPUT + demand.prim)))
-        if demand is None or prim is None:
+    for node, demand in nodes_in(stage.platform.bodies, stage):
+        prim = stage.prim(_first(node.targets(INPUT + demand.prim)))
+        if prim is None:
             continue
         path = prim.path
         is_robot = demand.robot in prim.apis and is_release_within(
@@ -62,10 +60,6 @@ def _first(paths: Iterable[str]) -> str:
 
 def _is_body(prim: Prim, demand: BodyOf) -> bool:
     return not prim.placeless and bool(set(prim.apis) & set(demand.schemas))
-
-
-def _demand(node: Node, platform: Platform) -> BodyOf | None:
-    return None if node.type is None else platform.bodies.get(node.type.type)
 
 
 def _links(robot: Prim, demand: BodyOf, stage: StageModel, depth: int = 8) -> Iterator[str]:
@@ -85,7 +79,8 @@ def moving_source(node: Node, stage: StageModel) -> Node | None:
     """Return the node that follows a body and gives what comes into another one, None for none."""
     for port in node.ports:
         for source, out in live_sources(node, port, live_nodes(stage)):
-            demand = _demand(source, stage.platform)
+            kind = source.type
+            demand = None if kind is None else stage.platform.bodies.get(kind.type)
             if demand is not None and out.removeprefix(OUTPUT) in demand.gives:
                 return source
     return None

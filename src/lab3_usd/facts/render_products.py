@@ -6,7 +6,7 @@ from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
 
-from lab3_usd.facts.execution_order import live_nodes, nodes_of
+from lab3_usd.facts.execution_order import live_nodes, nodes_in
 from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
 from lab3_usd.isaac.behaviour import SensorOf
 from lab3_usd.isaac.topics import PRODUCT, product_input
@@ -89,12 +89,11 @@ def sensor_of(node: Node, live: Nodes) -> str | None:
 
 def read_sensors(stage: StageModel) -> Iterator[tuple[Node, SensorOf, str]]:
     """Yield the nodes that publish a sensor, with what they ask of it and its path."""
-    sensors, live = stage.platform.sensors, live_nodes(stage)
-    for node in nodes_of(lambda kind: kind.type in sensors, stage):
-        needed = sensors.get("" if node.type is None else node.type.type)
+    live = live_nodes(stage)
+    for node, needed in nodes_in(stage.platform.sensors, stage):
         shown = shown_by(node, PRODUCT, stage, live)
         path = sensor_of(node, live) if shown is None else shown.sensor
-        if needed is not None and path is not None:
+        if path is not None:
             yield node, needed, path
 
 

@@ -11,6 +11,7 @@ from lab3_usd.facts.domains import LAST_DOMAIN, context_inputs, domain_of, domai
 from lab3_usd.facts.execution_order import (
     State,
     live_nodes,
+    nodes_in,
     nodes_of,
     referenced_graphs,
     run_states,
@@ -160,10 +161,8 @@ def _without_target(node: Node, port: str, stage: StageModel) -> Iterator[Stuck]
 
 
 def _without_body(stage: StageModel) -> Iterator[Stuck]:
-    for node in nodes_of(lambda kind: kind.type in stage.platform.bodies, stage):
-        asked = None if node.type is None else stage.platform.bodies.get(node.type.type)
-        if asked is not None:
-            yield from _without_target(node, INPUT + asked.prim, stage)
+    for node, asked in nodes_in(stage.platform.bodies, stage):
+        yield from _without_target(node, INPUT + asked.prim, stage)
     for followed in followed_bodies(stage):
         if not followed.is_body or (
             followed.body is not None and _is_hollow(followed.body.path, stage)
@@ -174,10 +173,7 @@ def _without_body(stage: StageModel) -> Iterator[Stuck]:
 
 def _without_prim(stage: StageModel) -> Iterator[Stuck]:
     live = live_nodes(stage)
-    for node in nodes_of(lambda kind: kind.type in stage.platform.targets, stage):
-        asked = None if node.type is None else stage.platform.targets.get(node.type.type)
-        if asked is None:
-            continue
+    for node, asked in nodes_in(stage.platform.targets, stage):
         port = INPUT + asked.input
         lacking = [
             need for need in unmet_needs(node, stage.platform, live) if asked.input in need.inputs
@@ -331,7 +327,7 @@ def lost_products(stage: StageModel) -> Iterator[LostProduct]:
 
     Source: OgnROS2CameraHelper.py:258-264.
     """
-    for node in nodes_of(lambda kind: kind.type in stage.platform.sensors, stage):
+    for node, _ in nodes_in(stage.platform.sensors, stage):
         port = "" if node.type is None else product_input(node.type.topics[0])
         path = None if node.sources(port) else node.value(port)
         product = stage.products.get(str(path))
@@ -345,9 +341,8 @@ def lost_products(stage: StageModel) -> Iterator[LostProduct]:
 def _without_scan(stage: StageModel) -> Iterator[Stuck]:
     """Yield the nodes that refuse the sensor of their render product."""
     live = live_nodes(stage)
-    for node in nodes_of(lambda kind: kind.type in stage.platform.sensors, stage):
-        asked = None if node.type is None else stage.platform.sensors.get(node.type.type)
-        if node.type is None or asked is None or not asked.needs:
+    for node, asked in nodes_in(stage.platform.sensors, stage):
+        if node.type is None or not asked.needs:
             continue
         shown = shown_by(node, product_input(node.type.topics[0]), stage, live)
         prim = None if shown is None else stage.prim(shown.sensor)
