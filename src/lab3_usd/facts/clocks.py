@@ -8,13 +8,17 @@ from typing import Literal
 from msgspec import Struct
 
 from lab3_usd.facts.domains import Domain
-from lab3_usd.facts.endpoints import Endpoint, endpoints
+from lab3_usd.facts.endpoints import endpoints
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.reaching_values import effective_value, live_sources
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.stage import Node, StageModel, listed_once
 
 CLOCK = "rosgraph_msgs/msg/Clock"
+
+
+_Clock = Literal["simulation", "system", "unknown"]
+_Chosen = tuple[str, _Clock, bool | None]  # the input that chooses, the clock, whether it restarts
 
 
 class Stamp(Struct, frozen=True, eq=False):
@@ -26,7 +30,7 @@ class Stamp(Struct, frozen=True, eq=False):
     node: Node
     topic: str
     port: str
-    clock: Literal["simulation", "system", "unknown"]
+    clock: _Clock
     restarts: bool | None
     is_clock: bool
     domain: Domain
@@ -37,41 +41,33 @@ def topic_clocks(stage: StageModel) -> Iterator[Stamp]:
     """Yield the clock of each topic that is published."""
     for endpoint in endpoints(stage):
         if endpoint.runs and endpoint.direction == "publishes" and endpoint.topic:
-            stamp = _stamp_of_helper(endpoint, stage) or _stamp_by_wire(endpoint, stage)
-            if stamp is not None:
-                yield stamp
+            chosen = _own_clock(endpoint.node, stage) or _wired_clock(endpoint.node, stage)
+            if chosen is not None:
+                is_clock, domain = endpoint.type == CLOCK, endpoint.domain
+                yield Stamp(endpoint.node, endpoint.topic, *chosen, is_clock, domain)
 
 
-def _stamp_of_helper(endpoint: Endpoint, stage: StageModel) -> Stamp | None:
+def _own_clock(node: Node, stage: StageModel) -> _Chosen | None:
     """Return the clock of a node that reads the time by itself."""
-    node, live, ros = endpoint.node, live_nodes(stage), stage.platform.ros
+    live, ros = live_nodes(stage), stage.platform.ros
     system, restart = INPUT + ros.system_time, INPUT + ros.restart
     if node.type is None or system not in node.type.ports:
         return None
-    topic = str(endpoint.topic)
     if effective_value(node, system, live) is True:
-        return Stamp(node, topic, system, "system", None, is_clock=False, domain=endpoint.domain)
+        return system, "system", None
     restarts = effective_value(node, restart, live)
-    restarting = restarts if isinstance(restarts, bool) else None
-    return Stamp(
-        node, topic, restart, "simulation", restarting, is_clock=False, domain=endpoint.domain
-    )
+    return restart, "simulation", restarts if isinstance(restarts, bool) else None
 
 
-def _stamp_by_wire(endpoint: Endpoint, stage: StageModel) -> Stamp | None:
+def _wired_clock(node: Node, stage: StageModel) -> _Chosen | None:
     """Return the clock of a node whose time comes over a wire."""
-    node, stamp = endpoint.node, INPUT + stage.platform.ros.stamp
-    sources = live_sources(node, stamp, live_nodes(stage))
-    if not sources:
+    live, stamp = live_nodes(stage), INPUT + stage.platform.ros.stamp
+    source, _ = next(iter(live_sources(node, stamp, live)), (None, ""))
+    if source is None:
         return None
-    source, _ = sources[0]
-    is_clock, topic = endpoint.type == CLOCK, str(endpoint.topic)
-    restart = INPUT + stage.platform.ros.reader_restart
-    restarts = effective_value(source, restart, live_nodes(stage))
-    if source.type is None:
-        return Stamp(node, topic, stamp, "unknown", None, is_clock, endpoint.domain)
-    if any("systemTime" in port for port in source.type.ports):
-        return Stamp(node, topic, stamp, "system", None, is_clock, endpoint.domain)
-    if isinstance(restarts, bool):
-        return Stamp(node, topic, stamp, "simulation", restarts, is_clock, endpoint.domain)
-    return Stamp(node, topic, stamp, "unknown", None, is_clock, endpoint.domain)
+    if source.type is not None and any("systemTime" in port for port in source.type.ports):
+        return stamp, "system", None
+    restarts = effective_value(source, INPUT + stage.platform.ros.reader_restart, live)
+    if source.type is None or not isinstance(restarts, bool):
+        return stamp, "unknown", None
+    return stamp, "simulation", restarts
