@@ -41,81 +41,54 @@ def message_frames(stage: StageModel) -> tuple[MessageFrame, ...]:
     return tuple(named.values())
 
 
-class OdometryPair(Struct, frozen=True, eq=False):
-    """A message and a transform that tell the same pose, with the frames of both.
+class NamedPose(Struct, frozen=True, eq=False):
+    """A pose with named frames: both frames, the inputs that name them, and who computes it.
 
-    The ports are those that name the children, `names` all those that name frames, by node. A
-    message is not `sent` where its publisher does not run.
+    It is of a transform or of a message, which is not `sent` where its publisher does not run.
     """
 
-    publisher: Node
-    port: str
-    message: tuple[str, str]
-    tree: Node
-    tree_port: str
-    transform: tuple[str, str]
-    sent: bool
-
-    @property
-    def names(self) -> tuple[tuple[str, str], ...]:
-        """The nodes and ports that name the frames of both."""
-        nodes = (self.publisher, self.tree)
-        return tuple((node.path, port) for node in nodes for port in _name_ports(node))
-
-
-class _NamedPose(Struct, frozen=True, eq=False):
-    """A pose with named frames: the port of the child, both frames, and who computes it."""
-
     node: Node
-    port: str
+    ports: tuple[str, ...]
     frames: tuple[str, str]
     maker: str
     is_transform: bool
     sent: bool
 
+    @property
+    def names(self) -> tuple[tuple[str, str], ...]:
+        """The node with each of the ports that name the frames."""
+        return tuple((self.node.path, port) for port in self.ports)
 
-def odometry_pairs(stage: StageModel) -> Iterator[OdometryPair]:
+
+def odometry_pairs(stage: StageModel) -> Iterator[tuple[NamedPose, NamedPose]]:
     """Yield messages and transforms whose pose comes from one node."""
     poses = [
         pose
         for node in nodes_of(lambda kind: any(map(kind.port, _POSE)), stage)
         if (pose := _named_pose(node, stage))
     ]
-    transforms: dict[str, list[_NamedPose]] = {}
+    transforms: dict[str, list[NamedPose]] = {}
     for pose in poses:
         if pose.is_transform and pose.sent:
             transforms.setdefault(pose.maker, []).append(pose)
     for message in poses:
         if not message.is_transform:
-            for transform in transforms.get(message.maker, ()):
-                yield OdometryPair(
-                    message.node,
-                    message.port,
-                    message.frames,
-                    transform.node,
-                    transform.port,
-                    transform.frames,
-                    message.sent,
-                )
+            yield from ((message, transform) for transform in transforms.get(message.maker, ()))
 
 
-def _name_ports(node: Node) -> tuple[str, ...]:
-    """Return the inputs by which a node names frames: of its transform, else of its message."""
-    return tf_ports(node).names or (() if node.type is None else node.type.frames)
-
-
-def _named_pose(node: Node, stage: StageModel) -> _NamedPose | None:
+def _named_pose(node: Node, stage: StageModel) -> NamedPose | None:
     sources = (
         source for port in _POSE for source, _ in live_sources(node, port, live_nodes(stage))
     )
     maker = next(sources, None)
     if node.type is None or maker is None:
         return None
-    names, ports = tf_ports(node).names, _name_ports(node)
+    names = tf_ports(node).names
+    ports = names or node.type.frames
     values = [effective_value(node, port, live_nodes(stage)) for port in ports]
     texts = [value for value in values if isinstance(value, str)]
     if len(texts) != len(_POSE) or len(ports) != len(_POSE):
         return None
     frames = (tf2_name(texts[0]), tf2_name(texts[1])) if names else (texts[0], texts[1])
     is_sent = node.path in run_states(stage)
-    return _NamedPose(node, ports[1], frames, maker.path, bool(names), is_sent)
+    return NamedPose(node, ports, frames, maker.path, bool(names), is_sent)

@@ -304,12 +304,12 @@ def _joining_frame(
     own = {edge.child for edge in loose} | {edge.parent for edge in loose}
     other_frames = {frame for _, frames in whole.parts for frame in frames} - own
     return tuple(
-        SetValue(pair.tree.path, pair.tree_port, "string", pair.message[1])
-        for pair in odometry_pairs(subject.stage)
-        if publishers == {pair.tree.path}
-        and pair.message[0] == pair.transform[0]
-        and pair.message[1] in other_frames
-        and not pair.tree.sources(pair.tree_port)
+        SetValue(transform.node.path, transform.ports[1], "string", message.frames[1])
+        for message, transform in odometry_pairs(subject.stage)
+        if publishers == {transform.node.path}
+        and message.frames[0] == transform.frames[0]
+        and message.frames[1] in other_frames
+        and not transform.node.sources(transform.ports[1])
     )[:1]
 
 

@@ -234,15 +234,16 @@ def odometry_tf_mismatch(subject: LintSubject) -> Iterator[Problem]:
 
     Example: the message has `odom` and `base_link`, the transform `odom -> base_footprint`.
     """
-    for pair in odometry_pairs(subject.stage):
-        if pair.sent and pair.message != pair.transform:
+    for message, transform in odometry_pairs(subject.stage):
+        if message.sent and message.frames != transform.frames:
+            actual, expected = (" -> ".join(pose.frames) for pose in (message, transform))
+            tree = transform.node.path
             yield Problem(
-                pair.publisher.path,
-                f"the message names {' -> '.join(pair.message)}, but {pair.tree.path} publishes "
-                f"{' -> '.join(pair.transform)}",
-                property=pair.port,
-                expected=" -> ".join(pair.transform),
-                actual=" -> ".join(pair.message),
-                related=(pair.tree.path,),
-                assumes=pair.names,
+                message.node.path,
+                f"the message names {actual}, but {tree} publishes {expected}",
+                property=message.ports[1],
+                expected=expected,
+                actual=actual,
+                related=(tree,),
+                assumes=(*message.names, *transform.names),
             )
