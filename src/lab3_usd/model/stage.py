@@ -62,10 +62,9 @@ class Unknown(Struct, frozen=True, gc=False):
 class PortState(Struct, frozen=True, gc=False):
     """One port as the composed stage holds it.
 
-    `value` is the authored value, None if there is none, `Unknown` if there is one that cannot be
-    determined; `usd_type` the declared type of a port with a value (`rel` for a
-    relationship). `sources` are the full property paths of its connections, `targets` the prim
-    paths of a relationship.
+    `value` is the authored value, None if there is none, `Unknown` if it cannot be determined;
+    `usd_type` the declared type of a port with a value (`rel` for a relationship). `sources` are
+    the full property paths of its connections, `targets` the prim paths of a relationship.
     """
 
     name: str
@@ -75,21 +74,16 @@ class PortState(Struct, frozen=True, gc=False):
     targets: tuple[str, ...] = ()
 
 
-def nowhere(_: str) -> None:
-    """Say that the file does not place a node."""
-
-
 class Node(Struct, frozen=True, gc=False):
     """A node prim that is active and defined.
 
     `type_name` is the name of its type in the release that the stage is checked for ('' if absent),
     `type` its entry of the platform or None. Names of ports are those of that release, too. If the
     file uses names of another release, `written_type` is its `node:type`, and `written_ports` are
-    its names of ports.
-    `namespaces` are the namespace attributes of the prim and its ancestors, outermost first,
-    `own_namespace` is that of the prim alone. `is_local`: the stage's own layers, not
-    an asset, define the node. `place` reads the position in the graph editor of the node with a
-    path; only pictures and descriptions need it.
+    its names of ports. `namespaces` are the namespace attributes of the prim and its ancestors,
+    outermost first, `own_namespace` is that of the prim alone. `is_local`: the stage's own layers,
+    not an asset, define the node. `place` reads the position in the graph editor of the node with
+    a path; only pictures and descriptions need it.
     """
 
     path: str
@@ -97,7 +91,7 @@ class Node(Struct, frozen=True, gc=False):
     type: NodeType | None
     version: int | None
     ports: Mapping[str, PortState]
-    place: Callable[[str], tuple[float, float] | None] = nowhere
+    place: Callable[[str], tuple[float, float] | None] | None = None
     namespaces: tuple[str, ...] = ()
     own_namespace: str = ""
     is_local: bool = True
@@ -107,7 +101,7 @@ class Node(Struct, frozen=True, gc=False):
     @property
     def position(self) -> tuple[float, float] | None:
         """Where the graph editor shows the node, None where the file does not say."""
-        return self.place(self.path)
+        return None if self.place is None else self.place(self.path)
 
     @property
     def saved_type(self) -> str:
@@ -435,6 +429,7 @@ class StageModel(Struct, frozen=True, eq=False):
         return self.unknown(*(prim.path for prim in prims if prim.local is None))
 
 
+_MISSING: Any = object()
 _P = ParamSpec("_P")
 _T = TypeVar("_T")
 
@@ -455,13 +450,9 @@ def once_per_stage(function: Callable[_P, _T]) -> Callable[_P, _T]:
             results, key = first.derived, (function, *about[1:])
         else:
             results, key = first.stage.judged, (function, *about)
-        try:
-            result: _T = results[key]
-        except KeyError:
-            pass
-        else:
-            return result
-        results[key] = result = function(*about)  # type: ignore[call-arg]  # all are positional
+        result: _T = results.get(key, _MISSING)
+        if result is _MISSING:
+            results[key] = result = function(*about)  # type: ignore[call-arg]  # all are positional
         return result
 
     return kept  # type: ignore[return-value]  # nobody names an argument
