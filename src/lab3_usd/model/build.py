@@ -23,17 +23,15 @@ Span = tuple[int, int, int, int]  # line, column, last line and its column, in b
 class BuildFault(Struct, frozen=True):
     """A line at which a script stops, or loses something, while it builds a graph.
 
-    `name` is what it wrote, `meant` what it likely meant, and `others` further names of the same
-    cause.
+    `name` is what it wrote, `meant` what it likely meant, and `earlier` the line of the cause.
     """
 
     kind: FaultKind
     prim: str
-    property: str | None
     name: str
     at: Span
     meant: str = ""
-    others: tuple[str, ...] = ()
+    earlier: str = ""
 
 
 class Build(Struct, frozen=True, eq=False):

@@ -34,25 +34,24 @@ from lab3_usd.scripts.world import BuiltVariable, World
 
 _CLASSES = ("Controller", "GraphController", "NodeController", "ObjectLookup", "DataView")
 _NEW_STAGES = (
-    "new_stage",
-    "new_stage_async",
-    "create_new_stage",
-    "create_new_stage_async",
-    "open_stage",
+    "new_stage", "new_stage_async", "create_new_stage", "create_new_stage_async", "open_stage",
     "open_stage_async",
-)
+)  # fmt: skip
 _GRAPHS = ("graph", "get_graph_by_path")
 _NODES = ("node", "get_node_by_path")
 _PRIMS = ("GetPrimAtPath", "get_prim_at_path", "prim", "DefinePrim", "OverridePrim")
+_LOOK_UP = (
+    "get_attribute", "get_attribute_by_name", "GetAttribute", "GetProperty", "GetRelationship"
+)  # fmt: skip
+_CREATE = ("create_attribute", "CreateAttribute", "CreateRelationship")
 _VALID = ("IsValid", "is_valid", "IsDefined")
+_REMOVE = ("RemovePrim", "delete_prim", "DeletePrims", "DeletePrimsCommand")
 _TARGETS = ("set_target_prims", "set_targets", "add_target_prims")
 NONE_OF_THESE = object()  # what a call gives that is none of these functions
 
 
-def call_api(function: Value, name: str, given: Arguments, node: ast.AST, run: Run) -> Value:
+def call_api(function: Value, name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
     """Do what a function of OmniGraph or of USD does; NONE_OF_THESE for another function."""
-    if not isinstance(node, ast.Call):
-        return NONE_OF_THESE
     if isinstance(function, External) and function.name.startswith(run.building.module):
         return _call_module(function, given, node, run)
     if isinstance(function, Method) and isinstance(function.own, Controller):
@@ -116,7 +115,7 @@ def _call_controller(
 def _set(act: Edit, given: Arguments, at: At) -> None:
     spec = given.get(0, "attribute")
     if isinstance(spec, Text):
-        spec = AttributeHandle(*_split(spec.text), at[0])
+        spec = AttributeHandle(*_split(spec.text))
     omnigraph.set_value(act, spec, given.get(1, "value"), at, later=True)
 
 
@@ -144,22 +143,17 @@ def _split(path: str) -> tuple[str, str]:
 
 def _create_attribute(act: Edit, given: Arguments, at: At) -> Value:
     owner, name = given.get(0, "node"), given.get(1, "attr_name")
-    node = find_node(act, path_of(owner, at), owner, at)
+    node = find_node(act, path_of(owner, at), at)
     if node is not None and isinstance(name, Text):
-        omnigraph.create_attribute(act, node, name.text)
-        return AttributeHandle(node.path, name.text, at[0])
+        omnigraph.create_attribute(node, name.text)
+        return AttributeHandle(node.path, name.text)
     return Unknown("create_attribute()", at[0])
 
 
-_VARIABLES = frozenset(
-    [
-        "create_variable",
-        "set_variable_default_value",
-        "find_variable",
-        "get_variables",
-        "remove_variable",
-    ]
-)
+_VARIABLES = (
+    "create_variable", "set_variable_default_value", "find_variable", "get_variables",
+    "remove_variable",
+)  # fmt: skip
 
 
 def _call_variables(
@@ -227,11 +221,11 @@ def _attribute(
         path = path_of(owner, at)
         if names is not None and isinstance(owner, Text) and owner.text in names:
             path = names[owner.text].path
-        return AttributeHandle(path, spec.text, at[0]) if path else None
+        return AttributeHandle(path, spec.text) if path else None
     path, port = _split(spec.text)
     if names is not None and path in names:
         path = names[path].path
-    return AttributeHandle(path, port, at[0]) if path and port else None
+    return AttributeHandle(path, port) if path and port else None
 
 
 def _call_handle(own: Value, name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
@@ -243,30 +237,17 @@ def _call_handle(own: Value, name: str, given: Arguments, node: ast.Call, run: R
         return True if is_known else unknown(node)
     if name in ("get_path_to_graph", "get_prim_path", "GetPath", "get_path", "GetPrimPath"):
         path = f"{own.path}.{own.name}" if isinstance(own, AttributeHandle) else own.path
-        text = as_text(lifted(path, at), at)
-        return Text(text.text, at, (), Unknown(path, at[0]) if "{" in path else None, is_path=True)
+        return Text(path, at, Unknown(path, at[0]) if "{" in path else None, is_path=True)
     if isinstance(own, AttributeHandle):
         return _call_attribute(own, name, given, node, run)
     if isinstance(own, GraphHandle):
         return _call_graph(own, name, given, node, run)
-    if name in (
-        "get_attribute",
-        "get_attribute_by_name",
-        "GetAttribute",
-        "GetProperty",
-    ) and isinstance(first, Text):
-        return AttributeHandle(own.path, first.text, at[0], plain=name.startswith("Get"))
-    if name in ("GetRelationship", "CreateRelationship") and isinstance(first, Text):
-        if name == "CreateRelationship":
-            _create(own.path, first.text, run)
-        return AttributeHandle(own.path, first.text, at[0], plain=True, is_relationship=True)
-    if name == "CreateAttribute" and isinstance(first, Text):
-        _create(own.path, first.text, run)
-        return AttributeHandle(own.path, first.text, at[0], plain=True)
-    if name == "create_attribute" and isinstance(first, Text):
-        _create(own.path, first.text, run)
-        return True
-    return unknown(node)
+    if not isinstance(first, Text) or name not in (*_LOOK_UP, *_CREATE):
+        return unknown(node)
+    built = run.world.node(own.path) if name in _CREATE else None
+    if built is not None:
+        built.port(first.text).is_made = True
+    return True if name == "create_attribute" else AttributeHandle(own.path, first.text)
 
 
 def _call_graph(own: GraphHandle, name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
@@ -285,19 +266,12 @@ def _call_graph(own: GraphHandle, name: str, given: Arguments, node: ast.Call, r
     return unknown(node)
 
 
-def _create(path: str, name: str, run: Run) -> None:
-    node = run.world.node(path)
-    if node is not None:
-        node.port(name).is_made = True
-
-
 def _call_attribute(
     own: AttributeHandle, name: str, given: Arguments, node: ast.Call, run: Run
 ) -> Value:
     at = place(node)
     act = Edit(run.world, {}, _ANY, at)
-    first = given.given[0] if given.given else next(iter(given.named.values()), None)
-    built = run.world.node(own.path)
+    first, built = given.first, run.world.node(own.path)
     if name in ("set", "Set") and (given.given or given.named):
         omnigraph.set_value(act, own, first, at, later=True)
     elif name in ("SetTargets", "AddTarget") and built is not None:
@@ -322,29 +296,26 @@ def _set_targets(name: str, given: Arguments, node: ast.Call, run: Run) -> Value
     """Do what makes a relationship of any name, and tells nothing of a wrong one."""
     at = place(node)
     if name == "set_targets":
-        prim, port, targets = (
-            given.get(0, "prim"), given.get(1, "attribute"), given.get(2, "target_prim_paths")
-        )  # fmt: skip
+        prim, port = given.get(0, "prim"), given.get(1, "attribute")
+        targets = given.get(2, "target_prim_paths")
     else:
         prim, targets = given.get(0, "primPath"), given.get(1, "targetPrimPaths")
         port = given.get(2, "inputName", lifted(run.building.target, at))
     act = Edit(run.world, {}, _ANY, at)
     path = path_of(prim, at)
-    built = find_node(act, path, prim, at) if path.startswith("/") else None
-    if built is not None and isinstance(port, Text):
-        if port.unknown is None:
-            omnigraph.put(run.world, built, port.text, targets, port, at, quiet=True)
-        else:
-            run.world.open_graph(built.graph, port.unknown)
+    built = find_node(act, path, at) if path.startswith("/") else None
+    if built is not None and isinstance(port, Text) and port.unknown is None:
+        omnigraph.put(run.world, built.port(port.text), targets, at, quiet=True)
     elif built is not None:
-        run.world.open_graph(built.graph, Unknown("inputName", at[0]))
+        what = port.unknown if isinstance(port, Text) else None
+        run.world.open_graph(built.graph, what or Unknown("inputName", at[0]))
     return None
 
 
 def _call_stage(name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
     """Do what functions of USD and of the application do with the stage."""
     at = place(node)
-    first = given.given[0] if given.given else next(iter(given.named.values()), None)
+    first = given.first
     if name in _NEW_STAGES:
         run.world.clear(is_empty="new" in name)
         return Unknown(f"{name}()", at[0])
@@ -353,10 +324,7 @@ def _call_stage(name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
     if name in _PRIMS and first is not None:
         path = path_of(first, at)
         return PrimHandle(path) if path else unknown(node)
-    if (
-        name in ("RemovePrim", "delete_prim", "DeletePrims", "DeletePrimsCommand")
-        and first is not None
-    ):
+    if name in _REMOVE and first is not None:
         for value in first.items if isinstance(first, Items) else [first]:
             run.world.remove(path_of(value, at))
         return True
@@ -366,5 +334,5 @@ def _call_stage(name: str, given: Arguments, node: ast.Call, run: Run) -> Value:
             run.world.remove(path_of(value, at))
         return None
     if name == "GetAttributeAtPath" and isinstance(first, Text):
-        return AttributeHandle(*_split(first.text), at[0], plain=True)
+        return AttributeHandle(*_split(first.text))
     return NONE_OF_THESE

@@ -8,7 +8,6 @@ import math
 from lab3_usd.model.stage import Unknown
 from lab3_usd.scripts.run import Arguments, Run
 from lab3_usd.scripts.values import (
-    AttributeHandle,
     Class,
     Controller,
     External,
@@ -22,7 +21,6 @@ from lab3_usd.scripts.values import (
     Table,
     Text,
     Value,
-    as_text,
     lifted,
     place,
     unknown,
@@ -31,7 +29,6 @@ from lab3_usd.scripts.values import (
 KEYS = ("Keys", "GraphSetupKeys")
 _NUMBERS = {"pi": math.pi, "inf": math.inf, "e": math.e, "tau": math.tau}
 _NUMERIC = ("math", "numpy", "np", "torch")
-_OF_METHODS = ("staticmethod", "classmethod")
 _PROPERTY = ("property", "cached_property", "functools.cached_property")
 
 
@@ -44,25 +41,21 @@ def attribute_of(value: Value, node: ast.Attribute, run: Run) -> Value:
         member = value.find(name)
         return unknown(node) if member is None else _bound(member[0], value, member[1], node, run)
     if isinstance(value, Super):
-        for base in [
-            line
-            for owner_base in value.owner.bases
-            if isinstance(owner_base, Class)
-            for line in owner_base.lines()
-        ]:
-            if name in base.scope.names:
-                return _bound(base.scope.names[name], value.own, base, node, run)
-        return unknown(node)
+        bases = [base for base in value.owner.bases if isinstance(base, Class)]
+        member = next(filter(None, (base.find(name) for base in bases)), None)
+        return (
+            unknown(node) if member is None else _bound(member[0], value.own, member[1], node, run)
+        )
     if isinstance(value, External):
         return _of_module(value, node)
     if isinstance(value, Controller) and name in KEYS:
-        return External(name, node.lineno)
+        return External(name)
     if isinstance(value, Text):
         return _of_text(value, node)
     if name == "value" and isinstance(value, (int, float, bool, Items)):
         return value  # of an enumeration
     if isinstance(value, (Controller, Items, Table, Handles)):
-        return Method(value, name, node.lineno)
+        return Method(value, name)
     if isinstance(value, Unknown):
         return Unknown(f"{value.why}.{name}"[:60], node.lineno)
     return unknown(node)
@@ -73,16 +66,15 @@ def _of_text(value: Text, node: ast.Attribute) -> Value:
         return value
     if node.attr == "name" and value.is_path and value.unknown is None:
         return lifted(value.text.rpartition("/")[2], place(node))
-    return Method(value, node.attr, node.lineno)
+    return Method(value, node.attr)
 
 
 def _of_module(value: External, node: ast.Attribute) -> Value:
     if value.last in KEYS:
-        text = as_text(lifted(node.attr.lower(), place(node)), place(node))
-        return Text(text.text, text.at)
+        return Text(node.attr.lower(), place(node))
     if node.attr in _NUMBERS and value.name in _NUMERIC:
         return _NUMBERS[node.attr]
-    return External(f"{value.name}.{node.attr}", node.lineno)
+    return External(f"{value.name}.{node.attr}")
 
 
 def _of_instance(value: Instance, node: ast.Attribute, run: Run) -> Value:
@@ -112,13 +104,12 @@ def _bound(value: Value, own: Value, owner: Class, node: ast.Attribute, run: Run
     if "staticmethod" in decorators:
         return value
     if "classmethod" in decorators:
-        kind = own.type if isinstance(own, Instance) else own
-        return Function(value.node, value.scope, kind, owner, value.defaults)
+        return value.of(own.type if isinstance(own, Instance) else own, owner)
     if isinstance(own, Class):
         return value
-    method = Function(value.node, value.scope, own, owner, value.defaults)
+    method = value.of(own, owner)
     if any(each in _PROPERTY for each in decorators):
-        return run.call_value(method, Arguments([], {}), node, Scope("function"))
+        return run.call_value(method, Arguments(), node, Scope("function"))
     return method
 
 
@@ -128,6 +119,3 @@ def assign_attribute(value: Value, name: str, new: Value) -> None:
         value.attributes[name] = new
     elif isinstance(value, Class):
         value.scope.names[name] = new
-
-
-__all__ = ["KEYS", "AttributeHandle", "assign_attribute", "attribute_of"]

@@ -24,6 +24,7 @@ from lab3_usd.scripts.values import (
     Text,
     Value,
     joined,
+    last_name,
     place,
     unknown,
 )
@@ -35,50 +36,38 @@ def call_value(function: Value, given: Arguments, node: ast.AST, scope: Scope, r
         return call_function(function, given, run, node)
     if isinstance(function, Class):
         return construct(function, given, run, node)
-    name = _name(function, node)
+    if not isinstance(node, ast.Call):
+        return unknown(node)
+    name = last_name(node)
+    if isinstance(function, External):
+        name = function.last
+    elif isinstance(function, Method):
+        name = function.name
     if name == "super" and isinstance(function, External):
-        return _super(scope) or unknown(node)
+        own, owner = (
+            next(iter(function_scope(scope).names.values()), None),
+            function_scope(scope).owner,
+        )
+        return unknown(node) if own is None or owner is None else Super(own, owner)
     result = call_api(function, name, given, node, run)
     if result is not NONE_OF_THESE:
         return result
     if isinstance(function, Method):
         return call_method(function.own, name, given, node)
     if isinstance(function, External):
-        if function.name.startswith("builtins.") or function.last == "OrderedDict":
-            return call_builtin(function.last, given, node)
-        value = call_library(function.name, given, node)
-        return unknown(node) if value is None else value
+        if function.name.startswith("builtins.") or name == "OrderedDict":
+            return call_builtin(name, given, node)
+        return call_library(function.name, given, node)
     return unknown(node)
-
-
-def _name(function: Value, node: ast.AST) -> str:
-    """Return the last name of what is called."""
-    if isinstance(function, External):
-        return function.last
-    if isinstance(function, Method):
-        return function.name
-    called = node.func if isinstance(node, ast.Call) else node
-    if isinstance(called, ast.Attribute):
-        return called.attr
-    return called.id if isinstance(called, ast.Name) else ""
-
-
-def _super(scope: Scope) -> Super | None:
-    function = function_scope(scope)
-    first = next(iter(function.names.values()), None)
-    return (
-        Super(first, function.owner) if function.owner is not None and first is not None else None
-    )
 
 
 def construct(kind: Class, given: Arguments, run: Run, node: ast.AST) -> Value:
     """Make an object of a class, and call what initialises it."""
     made = Instance(kind)
     run.instances.append(made)
-    start = kind.find("__init__")
-    if start is not None and isinstance(start[0], Function):
-        method = Function(start[0].node, start[0].scope, made, start[1], start[0].defaults)
-        call_function(method, given, run, node)
+    start = kind.method("__init__", made)
+    if start is not None:
+        call_function(start, given, run, node)
         return made
     bodies = (line for base in reversed([*kind.lines()]) for line in base.node.body)
     # Names that a class only declares or gives a default are its fields, as in data classes.
@@ -89,10 +78,9 @@ def construct(kind: Class, given: Arguments, run: Run, node: ast.AST) -> Value:
             made.attributes[name] = given.get(number, name)
         elif kind.find(name) is None:
             made.attributes[name] = Unknown(name, getattr(node, "lineno", 1))
-    after = kind.find("__post_init__")
-    if after is not None and isinstance(after[0], Function):
-        method = Function(after[0].node, after[0].scope, made, after[1], after[0].defaults)
-        call_function(method, Arguments([], {}), run, node)
+    after = kind.method("__post_init__", made)
+    if after is not None:
+        call_function(after, Arguments(), run, node)
     return made
 
 
@@ -102,19 +90,14 @@ def call_function(function: Function, given: Arguments, run: Run, node: ast.AST)
     if run.calls.count(id(code)) > 2 or len(run.calls) >= DEEPEST_CALL:  # noqa: PLR2004
         return unknown(node)
     run.entered.add(id(code))
-    inner = Scope("function", function.scope)
-    inner.owner = function.owner
+    inner = Scope("function", function.scope, function.owner)
     _bind(function, given, inner)
-    if isinstance(code, ast.Lambda):
-        run.calls.append(id(code))
-        try:
-            return evaluate(code.body, inner, run)
-        finally:
-            run.calls.pop()
-    if _yields(code, run):
-        inner.yields = []
     run.calls.append(id(code))
     try:
+        if isinstance(code, ast.Lambda):
+            return evaluate(code.body, inner, run)
+        if _yields(code, run):
+            inner.yields = []
         execute(code.body, inner, run)
     finally:
         run.calls.pop()

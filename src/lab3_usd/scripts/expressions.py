@@ -17,7 +17,6 @@ from lab3_usd.scripts.values import (
     External,
     Function,
     Items,
-    Piece,
     Scope,
     Table,
     Text,
@@ -59,8 +58,7 @@ def evaluate(node: ast.AST, scope: Scope, run: Run) -> Value:
 def _constant(node: ast.Constant, _scope: Scope, _run: Run) -> Value:
     value = node.value
     if isinstance(value, str):
-        at = place(node)
-        return Text(value, at, (Piece(value, at),)) if value else Text("", at)
+        return Text(value, place(node))
     return value if value is None or isinstance(value, (bool, int, float)) else unknown(node)
 
 
@@ -70,21 +68,20 @@ def _name(node: ast.Name, scope: Scope, _run: Run) -> Value:
     if node.id == "__name__":
         return lifted("__main__", place(node))
     for module in scope.top().stars:
-        return External(f"{module}.{node.id}", node.lineno)
+        return External(f"{module}.{node.id}")
     if node.id in BUILTINS:
-        return External(f"builtins.{node.id}", node.lineno)
+        return External(f"builtins.{node.id}")
     return Unknown(node.id, node.lineno)
 
 
 def _joined_text(node: ast.JoinedStr, scope: Scope, run: Run) -> Value:
     at = place(node)
-    parts = []
-    for part in node.values:
-        if isinstance(part, ast.FormattedValue):
-            parts.append(_formatted(part, scope, run))
-        elif isinstance(part, ast.Constant) and isinstance(part.value, str):
-            # Before Python 3.12 a part has the place of the whole.
-            parts.append(Text(part.value, at, (Piece(part.value, place(part)),)))
+    parts = [
+        _formatted(part, scope, run)
+        if isinstance(part, ast.FormattedValue)
+        else as_text(evaluate(part, scope, run), at)
+        for part in node.values
+    ]
     return concatenated(parts, at)
 
 
@@ -125,9 +122,7 @@ def _dict(node: ast.Dict, scope: Scope, run: Run) -> Value:
         value = evaluate(value_node, scope, run)
         if key_node is None:
             if isinstance(value, Table):
-                for name, entry in value.values.items():
-                    table.set(value.keys[name], entry)
-                table.rest = table.rest or value.rest
+                table.update(value)
             else:
                 table.rest = table.rest or as_unknown(value, value_node)
             continue

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import ast
+import builtins
 import json
 import math
 import posixpath
@@ -10,8 +11,10 @@ from collections.abc import Callable, Mapping
 from contextlib import suppress
 from typing import Any
 
+from msgspec.structs import replace
+
 from lab3_usd.model.stage import Unknown
-from lab3_usd.scripts.operations import listed
+from lab3_usd.scripts.operations import as_unknown, listed
 from lab3_usd.scripts.run import Arguments
 from lab3_usd.scripts.values import (
     MOST_ITEMS,
@@ -29,135 +32,35 @@ from lab3_usd.scripts.values import (
     lifted,
     place,
     plain,
+    reason,
     truth,
     unknown,
 )
 
-BUILTINS = frozenset(
-    [
-        "abs",
-        "all",
-        "any",
-        "bool",
-        "dict",
-        "enumerate",
-        "float",
-        "getattr",
-        "hasattr",
-        "int",
-        "isinstance",
-        "len",
-        "list",
-        "map",
-        "max",
-        "min",
-        "print",
-        "range",
-        "repr",
-        "reversed",
-        "round",
-        "set",
-        "sorted",
-        "staticmethod",
-        "classmethod",
-        "str",
-        "sum",
-        "super",
-        "tuple",
-        "zip",
-        "frozenset",
-        "open",
-        "input",
-        "type",
-        "iter",
-        "next",
-        "property",
-    ]
-)
-_TEXT_METHODS = frozenset(
-    [
-        "format",
-        "join",
-        "replace",
-        "strip",
-        "lstrip",
-        "rstrip",
-        "lower",
-        "upper",
-        "title",
-        "capitalize",
-        "split",
-        "rsplit",
-        "removeprefix",
-        "removesuffix",
-        "startswith",
-        "endswith",
-        "partition",
-        "rpartition",
-        "find",
-        "rfind",
-        "count",
-        "zfill",
-        "splitlines",
-        "isdigit",
-        "isalpha",
-        "isupper",
-        "islower",
-        "lstrip",
-        "casefold",
-        "swapcase",
-    ]
-)
+BUILTINS = frozenset(name for name in dir(builtins) if not name.startswith("_"))
+_TEXT_METHODS = (
+    "join", "replace", "strip", "lstrip", "rstrip", "lower", "upper", "title", "capitalize",
+    "split", "rsplit", "removeprefix", "removesuffix", "startswith", "endswith", "partition",
+    "rpartition", "find", "rfind", "count", "zfill", "splitlines", "isdigit", "isalpha",
+    "isupper", "islower", "casefold", "swapcase",
+)  # fmt: skip
 _NUMBERS: Mapping[str, Callable[..., Any]] = {
-    name: getattr(math, name)
-    for name in (
-        "radians",
-        "degrees",
-        "sin",
-        "cos",
-        "tan",
-        "sqrt",
-        "floor",
-        "ceil",
-        "fabs",
-        "atan2",
-        "asin",
-        "acos",
-        "atan",
-        "hypot",
-    )
-}
-_NUMBERS = {**_NUMBERS, "deg2rad": math.radians, "rad2deg": math.degrees}
+    "radians": math.radians, "deg2rad": math.radians, "degrees": math.degrees,
+    "rad2deg": math.degrees, "sin": math.sin, "cos": math.cos, "tan": math.tan,
+    "asin": math.asin, "acos": math.acos, "atan": math.atan, "atan2": math.atan2,
+    "sqrt": math.sqrt, "floor": math.floor, "ceil": math.ceil, "fabs": math.fabs,
+    "hypot": math.hypot,
+}  # fmt: skip
 _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
-    "int": int,
-    "float": float,
-    "bool": bool,
-    "len": len,
-    "abs": abs,
-    "min": min,
-    "max": max,
-    "sum": sum,
-    "round": round,
-    "all": all,
-    "any": any,
-    "sorted": sorted,
-}
-_SAME = frozenset(
-    [
-        "array",
-        "asarray",
-        "deepcopy",
-        "copy",
-        "float32",
-        "float64",
-        "int32",
-        "int64",
-        "uint32",
-        "uint64",
-        "tensor",
-    ]
-)
-_VECTORS = ("Vec2", "Vec3", "Vec4")
+    "int": int, "float": float, "bool": bool, "len": len, "abs": abs, "min": min, "max": max,
+    "sum": sum, "round": round, "all": all, "any": any, "sorted": sorted,
+}  # fmt: skip
+_SAME = (
+    "array", "asarray", "deepcopy", "copy", "float32", "float64", "int32", "int64", "uint32",
+    "uint64", "tensor",
+)  # fmt: skip
+_VECTORS = ("Vec2", "Vec3", "Vec4", "Quat")
+_OF_PARTS = ("strip", "rstrip", "lstrip", "encode", "as_posix", "resolve", "GetString", "__str__")
 
 
 def call_builtin(name: str, given: Arguments, node: ast.AST) -> Value:
@@ -172,35 +75,28 @@ def call_builtin(name: str, given: Arguments, node: ast.AST) -> Value:
         return as_text(values[0], at) if len(values) == 1 else unknown(node)
     if name in ("dict", "OrderedDict"):
         return _dict(values, given.named, at, node)
+    if name == "bool" and values and truth(values[0]) is not None:
+        return truth(values[0])
+    items = listed(values[0]) if name == "len" and values else None
+    if items is not None and items.rest is None:
+        return len(items.items)
     if name in _FUNCTIONS:
-        if name == "bool" and values and truth(values[0]) is not None:
-            return truth(values[0])
-        if (
-            name == "len"
-            and values
-            and isinstance(values[0], (Items, Table))
-            and values[0].rest is None
-        ):
-            return len(values[0].items if isinstance(values[0], Items) else values[0].values)
-        with suppress(UnknownValueError, ValueError, TypeError, OverflowError):
-            function = _FUNCTIONS[name]
-            return lifted(
-                function(
-                    *[plain(value) for value in values],
-                    **{key: plain(value) for key, value in given.named.items()},
-                ),
-                at,
-            )
-        return unknown(node)
-    if (
-        name == "getattr"
-        and len(values) > 1
-        and isinstance(values[0], Instance)
-        and isinstance(values[1], Text)
-    ):
-        default = values[2] if len(values) > 2 else unknown(node)  # noqa: PLR2004
-        return values[0].attributes.get(values[1].text, default)
+        return _computed(_FUNCTIONS[name], given, node)
+    if name == "getattr" and len(values) > 1:
+        own, attribute = values[:2]
+        if isinstance(own, Instance) and isinstance(attribute, Text):
+            default = values[2] if len(values) > 2 else unknown(node)  # noqa: PLR2004
+            return own.attributes.get(attribute.text, default)
     return None if name == "print" else unknown(node)
+
+
+def _computed(function: Callable[..., Any], given: Arguments, node: ast.AST) -> Value:
+    """Return what a function of Python gives, where all that it is given is known."""
+    with suppress(UnknownValueError, ValueError, TypeError, OverflowError):
+        values = [plain(value) for value in given.given]
+        named = {name: plain(value) for name, value in given.named.items()}
+        return lifted(function(*values, **named), place(node))
+    return unknown(node)
 
 
 def _list_function(
@@ -211,12 +107,7 @@ def _list_function(
     first = lists[0] if lists else Items([], at)
     if name in ("list", "tuple", "set", "frozenset", "reversed") and len(values) < 2:  # noqa: PLR2004
         if first is None:
-            return Items(
-                [],
-                at,
-                "list",
-                values[0] if isinstance(values[0], Unknown) else Unknown("...", at[0]),
-            )
+            return Items([], at, "list", reason(values[0], at[0]))
         items = list(reversed(first.items)) if name == "reversed" else list(first.items)
         return Items(items, at, "tuple" if name == "tuple" else "list", first.rest)
     if name == "range" and values and all(isinstance(value, int) for value in values):
@@ -243,9 +134,7 @@ def _dict(values: list[Value], named: Mapping[str, Value], at: At, node: ast.AST
     table = Table(at)
     for value in values:
         if isinstance(value, Table):
-            for name, entry in value.values.items():
-                table.set(value.keys[name], entry)
-            table.rest = table.rest or value.rest
+            table.update(value)
         elif isinstance(value, Items):
             for pair in value.items:
                 if isinstance(pair, Items) and len(pair.items) == 2:  # noqa: PLR2004
@@ -253,7 +142,7 @@ def _dict(values: list[Value], named: Mapping[str, Value], at: At, node: ast.AST
                 else:
                     table.rest = unknown(node)
         else:
-            table.rest = value if isinstance(value, Unknown) else unknown(node)
+            table.rest = as_unknown(value, node)
     for word, value in named.items():
         table.set(lifted(word, at), value)
     return table
@@ -277,12 +166,7 @@ def _call_text(own: Text, name: str, given: Arguments, node: ast.AST) -> Value:
         return concatenated([own, slash, as_text(given.given[0], at)], at)
     if name == "join" and given.given and isinstance(given.given[0], Items):
         return _joined(own, given.given[0], at, node)
-    if (
-        name
-        in ("strip", "rstrip", "lstrip", "encode", "as_posix", "resolve", "GetString", "__str__")
-        and not given.given
-        and own.unknown
-    ):
+    if name in _OF_PARTS and not given.given and own.unknown:
         return own
     if name == "format" and not given.is_open:
         return _formatted(own, given, at, node)
@@ -308,8 +192,7 @@ def _split(own: Text, mark: Value, at: At, node: ast.AST) -> Value:
     if not isinstance(mark, Text) or mark.unknown or not mark.text:
         return unknown(node)
     parts = own.text.split(mark.text)
-    texts = [Text(part, at, (), own.unknown if "{" in part else None) for part in parts]
-    return Items(list(texts), at)
+    return Items([Text(part, at, own.unknown if "{" in part else None) for part in parts], at)
 
 
 def _formatted(own: Text, given: Arguments, at: At, node: ast.AST) -> Value:
@@ -326,8 +209,7 @@ def _formatted(own: Text, given: Arguments, at: At, node: ast.AST) -> Value:
     with suppress(ValueError, TypeError, IndexError, KeyError, AttributeError):
         text = own.text.format(*[v.text for v in values], **{n: v.text for n, v in named.items()})
         rest = next((v.unknown for v in (*values, *named.values()) if v.unknown), None)
-        pieces = (*own.pieces, *(p for v in values for p in v.pieces))
-        return Text(text, at, pieces, rest)
+        return Text(text, at, rest)
     return unknown(node)
 
 
@@ -342,19 +224,17 @@ def _joined(own: Text, items: Items, at: At, node: ast.AST) -> Value:
 
 
 def _call_list(own: Items, name: str, values: list[Value], node: ast.AST) -> Value:
-    if name == "append" and values:
+    if name in ("append", "add") and values:
         own.extend([values[0]])
     elif name == "extend" and values:
         more = listed(values[0])
         if more is None:
-            own.rest = own.rest or (values[0] if isinstance(values[0], Unknown) else unknown(node))
+            own.rest = own.rest or as_unknown(values[0], node)
         else:
             own.extend(list(more.items), more.rest)
     elif name == "insert" and len(values) > 1:
         at = values[0] if isinstance(values[0], int) else len(own.items)
         own.items.insert(at, values[1])
-    elif name == "add" and values:
-        own.extend([values[0]])
     elif name == "copy":
         return Items(list(own.items), own.at, own.kind, own.rest)
     elif name == "tolist":
@@ -389,43 +269,29 @@ def _call_table(own: Table, name: str, given: Arguments, node: ast.AST) -> Value
             own.set(values[0], default)
         return default
     if name == "update":
-        more = _dict(values, given.named, at, node)
-        for key, value in more.values.items():
-            own.set(more.keys[key], value)
-        own.rest = own.rest or more.rest
+        own.update(_dict(values, given.named, at, node))
         return None
     return own.copy() if name == "copy" else unknown(node)
 
 
-def call_library(name: str, given: Arguments, node: ast.AST) -> Value | None:
-    """Return what a function of a library gives by its last name, None for another function."""
-    values, at = given.given, place(node)
+def call_library(name: str, given: Arguments, node: ast.AST) -> Value:
+    """Return what a function of a library gives, by its last name."""
+    values = given.given
     last = name.rpartition(".")[2]
     if last == "Path" and len(values) == 1 and isinstance(values[0], (Text, Unknown)):
-        text = as_text(values[0], at)
+        text = as_text(values[0], place(node))
         is_path = ".Sdf." in f".{name}"
-        return Text(text.text, text.at, text.pieces, text.unknown, is_path=is_path)
+        return replace(text, is_path=is_path)
     if last in _SAME and values and isinstance(values[0], (Items, int, float, Table)):
         return values[0]
     if last in _NUMBERS and name.partition(".")[0] in ("math", "numpy", "np"):
-        with suppress(UnknownValueError, ValueError, TypeError, OverflowError):
-            return lifted(_NUMBERS[last](*[plain(value) for value in values]), at)
-        return unknown(node)
-    if last.startswith(_VECTORS) or last.startswith("Quat"):
+        return _computed(_NUMBERS[last], given, node)
+    if last.startswith(_VECTORS):
         parts = [part for v in values for part in (v.items if isinstance(v, Items) else [v])]
-        return (
-            Items(parts, at, "tuple")
-            if all(isinstance(p, (int, float)) for p in parts)
-            else unknown(node)
-        )
+        if all(isinstance(part, (int, float)) for part in parts):
+            return Items(parts, place(node), "tuple")
     if name == "json.dumps":
-        with suppress(UnknownValueError, ValueError, TypeError):
-            return lifted(json.dumps(plain(values[0])), at)
-        return unknown(node)
-    if name.endswith("path.join") and values:
-        with suppress(UnknownValueError, TypeError):
-            return lifted(posixpath.join(*[plain(value) for value in values]), at)
-        return unknown(node)
-    if last in ("namedtuple", "product"):
-        return unknown(node)
-    return None
+        return _computed(json.dumps, Arguments(values[:1]), node)
+    if name.endswith("path.join"):
+        return _computed(posixpath.join, given, node)
+    return unknown(node)

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from difflib import get_close_matches
 
+from msgspec import Struct
+
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.model.stage import Unknown
 from lab3_usd.scripts.values import (
@@ -17,6 +19,7 @@ from lab3_usd.scripts.values import (
     Text,
     Value,
     as_text,
+    reason,
 )
 from lab3_usd.scripts.world import BuiltNode, World
 
@@ -25,20 +28,23 @@ STATE = "state:"
 _BUNDLE = "outputs_"  # how the output of a bundle is called
 
 
-class Edit:
-    """One call: the world that it changes, the names that it knows, and its graph."""
+class Edit(Struct, eq=False):
+    """One call: the world that it changes, the names that it knows, and its graph.
 
-    __slots__ = ("at", "forgiven", "graph", "may_exist", "names", "number", "world")
+    `number` is how many nodes there were before it.
+    """
 
-    def __init__(self, world: World, names: Names, graph: str, at: At) -> None:
-        """Take what the call is about."""
-        self.world = world
-        self.names = names
-        self.graph = graph
-        self.at = at
-        self.may_exist = False
-        self.forgiven: set[str] = set()
-        self.number = len(world.nodes)
+    world: World
+    names: Names
+    graph: str
+    at: At
+    may_exist: bool = False
+    forgiven: set[str] = set()
+    number: int = 0
+
+    def pass_over(self, value: Value, at: At) -> None:
+        """Note that a part of the call is unknown: its graph may hold more."""
+        self.world.open_graph(self.graph, reason(value, at[0]))
 
 
 def normal(path: str) -> str:
@@ -73,9 +79,8 @@ def resolve(
         return (node, spec.name) if node else (None, f"{spec.path}.{spec.name}")
     if isinstance(spec, Items) and len(spec.items) > 1:
         return _resolve_pair(act, spec, at, prefix)
-    if isinstance(spec, Unknown) or not isinstance(spec, Text):
-        what = spec if isinstance(spec, Unknown) else Unknown("...", at[0])
-        act.world.open_graph(act.graph, what)
+    if not isinstance(spec, Text):
+        act.pass_over(spec, at)
         return None
     owner, dot, port = rooted(spec.text).rpartition(".")
     if spec.text.startswith("{") and not dot:
@@ -84,7 +89,7 @@ def resolve(
     if not dot:
         act.world.fault("no-port-name", at, act.graph, spec.text)
         return None
-    return _with_port(act, find_node(act, owner, spec, at), owner, port, prefix)
+    return _with_port(act, find_node(act, owner, at), owner, port, prefix)
 
 
 def _with_port(
@@ -119,27 +124,22 @@ def _resolve_pair(
             shown = f"{path_of(spec.items[2], at)}/{owner.text}"
             node = act.world.node(shown)
         else:
-            shown, node = owner.text, find_node(act, owner.text, owner, at)
+            shown, node = owner.text, find_node(act, owner.text, at)
     else:
-        act.world.open_graph(
-            act.graph, owner if isinstance(owner, Unknown) else Unknown("...", at[0])
-        )
+        act.pass_over(owner, at)
         return None
     if not isinstance(name, Text) or name.unknown:
-        act.world.open_graph(
-            act.graph, name if isinstance(name, Unknown) else Unknown("...", at[0])
-        )
+        act.pass_over(name, at)
         return None
     return _with_port(act, node, shown, name.text, prefix)
 
 
-def find_node(act: Edit, name: str, spec: Value, at: At) -> BuiltNode | None:
+def find_node(act: Edit, name: str, at: At) -> BuiltNode | None:
     """Return the node of a name or path, None for one that the script does not make.
 
     A short name is known to the call, or to the controller, that made the node. What is not found
     in a graph that may have more nodes is no fault.
     """
-    del spec
     if name in act.names:
         node = act.names[name]
         return node if node.path in act.world.nodes else None
@@ -161,7 +161,7 @@ def find_node(act: Edit, name: str, spec: Value, at: At) -> BuiltNode | None:
         first = forgotten[0]
         if not is_open and act.graph not in act.forgiven:
             act.forgiven.add(act.graph)
-            act.world.fault("forgotten-node", at, first.path, name, others=(f"line {first.at[0]}",))
+            act.world.fault("forgotten-node", at, first.path, name, earlier=f"line {first.at[0]}")
         return first
     if not is_open and graph is not None and graph.is_ours:
         unnamed = any("{" in node.name for node in act.world.nodes_of(act.graph))

@@ -13,6 +13,7 @@ from difflib import get_close_matches
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.model.stage import Unknown
 from lab3_usd.scripts.lookups import STATE, Edit, Names, normal, path_of, resolve, rooted
+from lab3_usd.scripts.operations import as_unknown
 from lab3_usd.scripts.run import Arguments, Run
 from lab3_usd.scripts.values import (
     At,
@@ -27,11 +28,12 @@ from lab3_usd.scripts.values import (
     Value,
     as_text,
     place,
+    reason,
     same,
     truth,
     unknown,
 )
-from lab3_usd.scripts.world import BuiltGraph, BuiltNode, BuiltVariable, World
+from lab3_usd.scripts.world import BuiltGraph, BuiltNode, BuiltPort, BuiltVariable, World
 
 PARAMETERS = (
     "graph_id", "edit_commands", "path_to_object_map", "update_usd", "undoable",
@@ -52,9 +54,8 @@ def edit(run: Run, names: Names | None, given: Arguments, node: ast.Call) -> Val
     graph_id, commands = values.get("graph_id"), values.get("edit_commands")
     by_name: Names = {} if names is None else names
     graph = _graph_of(graph_id, commands, run.world, at)
-    act = Edit(run.world, by_name, graph.path, at)
-    exists = values.get("allow_exists_node", False)
-    act.may_exist = truth(exists) is not False
+    may_exist = truth(values.get("allow_exists_node", False)) is not False
+    act = Edit(run.world, by_name, graph.path, at, may_exist, number=len(run.world.nodes))
     given_map = values.get("path_to_object_map")
     if given_map is not None and truth(given_map) is not False:
         # Names of an earlier call come with it.
@@ -62,14 +63,9 @@ def edit(run: Run, names: Names | None, given: Arguments, node: ast.Call) -> Val
             {each.name: each for each in run.world.nodes.values() if each.name not in by_name}
         )
     made = _commands(act, commands, given, node)
-    nodes = Items([NodeHandle(each.path) for each in made], at, "list")
-    nodes.rest = graph.rest
-    names_table = Table(at)
-    return Items(
-        [GraphHandle(graph.path), nodes, Items([], at, "list", unknown(node)), names_table],
-        at,
-        "tuple",
-    )
+    nodes = Items([NodeHandle(each.path) for each in made], at, "list", graph.rest)
+    prims = Items([], at, "list", unknown(node))
+    return Items([GraphHandle(graph.path), nodes, prims, Table(at)], at, "tuple")
 
 
 def _graph_of(graph_id: Value, commands: Value, world: World, at: At) -> BuiltGraph:
@@ -83,35 +79,30 @@ def _graph_of(graph_id: Value, commands: Value, world: World, at: At) -> BuiltGr
     creates = isinstance(commands, Table) and "create_nodes" in commands.values
     graph = world.graphs.get(path)
     if graph is None:
-        is_new = is_text and creates and not world.has_scene_graph(path)
-        graph = world.graph(path, at, is_ours=is_new)
+        is_there = path in world.scene.graphs and not world.is_removed(path)
+        graph = world.graph(path, at, is_ours=is_text and creates and not is_there)
         if not is_text:
-            graph.evaluator = graph_id if isinstance(graph_id, Unknown) else Unknown("...", at[0])
+            graph.evaluator = reason(graph_id, at[0])
     return graph
 
 
 def _created_graph(table: Table, world: World, at: At) -> BuiltGraph:
-    path_value = table.get("graph_path")
-    if path_value is None and table.rest is None:
+    path = table.values.get("graph_path", table.rest)
+    if path is None:
         world.fault("no-graph-path", table.at, "/", "graph_path")
-    text = as_text(
-        path_value if path_value is not None else table.rest or Unknown("graph_path", at[0]), at
-    )
-    graph = world.graph(normal(text.text), table.at, is_ours=True)
+        path = Unknown("graph_path", at[0])
+    graph = world.graph(normal(as_text(path, at).text), table.at, is_ours=True)
     graph.is_ours = True
-    rest = table.rest
 
     def setting(name: str, before: str | Unknown | None) -> str | Unknown | None:
-        value = table.get(name)
+        value = table.values.get(name)
         if value is None:
-            return rest or before
+            return table.rest or before
+        if isinstance(value, External):
+            return value.last
         if isinstance(value, Text) and value.unknown is None:
             return value.text
-        return (
-            value.last
-            if isinstance(value, External)
-            else Unknown(as_text(value, at).text.strip("{}"), at[0])
-        )
+        return Unknown(as_text(value, at).text.strip("{}"), at[0])
 
     graph.evaluator = setting("evaluator_name", graph.evaluator)
     graph.stage = setting("pipeline_stage", graph.stage)
@@ -133,8 +124,7 @@ def _commands(act: Edit, commands: Value, given: Arguments, node: ast.Call) -> l
     """Do the commands of a dictionary, and return the nodes that it makes."""
     if not isinstance(commands, Table):
         if commands is not None or given.is_open:
-            what = commands if isinstance(commands, Unknown) else unknown(node)
-            act.world.open_graph(act.graph, what)
+            act.world.open_graph(act.graph, as_unknown(commands, node))
         return []
     if commands.rest is not None:
         act.world.open_graph(act.graph, commands.rest)
@@ -154,7 +144,6 @@ def _commands(act: Edit, commands: Value, given: Arguments, node: ast.Call) -> l
         if items.rest is not None:
             act.world.open_graph(act.graph, items.rest)
         for item in items.items:
-            act.world.lines.add(_at(item, act)[0])
             result = _COMMANDS[name](act, item)
             if isinstance(result, BuiltNode):
                 made.append(result)
@@ -212,8 +201,7 @@ def _parts(item: Value, act: Edit, least: int) -> list[Value] | None:
     """Return the parts of an item, None where they are unknown."""
     if isinstance(item, Items) and item.rest is None and len(item.items) >= least:
         return item.items
-    what = item if isinstance(item, Unknown) else Unknown("...", _at(item, act)[0])
-    act.world.open_graph(act.graph, what)
+    act.pass_over(item, _at(item, act))
     return None
 
 
@@ -244,7 +232,7 @@ def make_node(
     if earlier is not None:
         if not may_exist and "{" not in path and call not in world.twice:
             world.twice.add(call)
-            world.fault("node-twice", at, path, earlier.name, others=(f"line {earlier.at[0]}",))
+            world.fault("node-twice", at, path, earlier.name, earlier=f"line {earlier.at[0]}")
         return earlier
     node = world.nodes[path] = BuiltNode(path, graph, kind, at)
     world.places.add(at)
@@ -257,8 +245,8 @@ def _fill_compound(act: Edit, node: BuiltNode, commands: Table) -> None:
     outer = act.world.graphs[act.graph]
     inner = act.world.graph(f"{node.path}/{_INNER}", node.at, is_ours=True)
     inner.evaluator, inner.stage, inner.mode = outer.evaluator, outer.stage, outer.mode
-    within = Edit(act.world, act.names, inner.path, node.at)
-    within.may_exist = act.may_exist
+    count = len(act.world.nodes)
+    within = Edit(act.world, act.names, inner.path, node.at, act.may_exist, number=count)
     for name in ORDER:
         value = commands.values.get(name)
         items = None if value is None else _as_list(value, name, within)
@@ -283,11 +271,11 @@ def _promote_inner(act: Edit, compound: BuiltNode, item: Value) -> None:
     full = name if name.startswith((INPUT, OUTPUT)) else prefix + name
     compound.promoted.add(full)
     if full.startswith(INPUT):
-        inner.port(port).sources[f"{compound.path}.{full}"] = (at, parts[0], parts[1])
-        inner.port(port).promoted.add(f"{compound.path}.{full}")
+        end, source = inner.port(port), f"{compound.path}.{full}"
     else:
-        compound.port(full).sources[f"{inner.path}.{port}"] = (at, parts[0], parts[1])
-        compound.port(full).promoted.add(f"{inner.path}.{port}")
+        end, source = compound.port(full), f"{inner.path}.{port}"
+    end.sources[source] = at
+    end.promoted.add(source)
 
 
 def _delete_node(act: Edit, item: Value) -> None:
@@ -333,13 +321,11 @@ def _create_attribute(act: Edit, item: Value) -> None:
         spec = Items([spec.items[0].items[0], *spec.items[1:]], spec.at, "tuple")
     place = resolve(act, spec, at, prefix=INPUT)
     if place is not None and place[0] is not None:
-        port = place[0].port(place[1])
-        port.is_made = True
+        place[0].port(place[1]).is_made = True
 
 
-def create_attribute(act: Edit, node: BuiltNode, name: str) -> None:
+def create_attribute(node: BuiltNode, name: str) -> None:
     """Create a port of a node; without a prefix it is an input."""
-    del act
     full = name if name.startswith((INPUT, OUTPUT, STATE)) else INPUT + name
     node.port(full).is_made = True
 
@@ -370,7 +356,7 @@ def connect(act: Edit, source: Value, target: Value, at: At) -> None:
     path = start[1] if start[0] is None else f"{start[0].path}.{start[1]}"
     if start[0] is None:
         act.world.outside.add(path.rpartition(".")[0])
-    node.port(port).sources[path] = (at, source, target)
+    node.port(port).sources[path] = at
 
 
 def disconnect(act: Edit, source: Value, target: Value, at: At) -> None:
@@ -383,15 +369,10 @@ def disconnect(act: Edit, source: Value, target: Value, at: At) -> None:
     end[0].port(end[1]).cut.add(path)
 
 
-def _disconnect_all(act: Edit, item: Value) -> None:
-    at = _at(item, act)
-    spec = item.items[0] if isinstance(item, Items) and len(item.items) == 1 else item
-    disconnect_all(act, spec, at)
-
-
 def disconnect_all(act: Edit, spec: Value, at: At) -> None:
     """Take all wires of a port away."""
-    place = resolve(act, spec, at)
+    single = isinstance(spec, Items) and len(spec.items) == 1
+    place = resolve(act, spec.items[0] if single else spec, at)
     node, port = place if place is not None else (None, "")
     if node is None:
         return
@@ -407,31 +388,20 @@ def set_value(act: Edit, spec: Value, value: Value, at: At, *, later: bool = Fal
     place = resolve(act, spec, at)
     if place is None or place[0] is None:
         return
-    put(act.world, place[0], place[1], value, spec, at, later=later)
+    put(act.world, place[0].port(place[1]), value, at, later=later)
 
 
-def put(  # noqa: PLR0913 - a value, and how it was given
-    world: World,
-    node: BuiltNode,
-    name: str,
-    value: Value,
-    spec: Value,
-    at: At,
-    *,
-    quiet: bool = False,
-    later: bool = False,
+def put(
+    world: World, port: BuiltPort, value: Value, at: At, *, quiet: bool = False, later: bool = False
 ) -> None:
-    """Give a port of a node a value."""
-    port = node.port(name)
+    """Give a port a value."""
     is_given = port.is_late or port.value is not None
     if later and is_given and same(port.value, value) is not True:
         value = Unknown("a value that changes", at[0])
     port.is_late |= later
     port.value, port.at = value, at
-    port.text = spec if isinstance(spec, Text) else None
     port.is_quiet = quiet
     world.places.add(at)
-    world.values += 1
 
 
 def created_node(run: Run, names: Names | None, given: Arguments, node: ast.Call) -> Value:
@@ -464,7 +434,7 @@ _COMMANDS: dict[str, Callable[[Edit, Value], BuiltNode | None]] = {
     "create_attributes": _create_attribute,
     "connect": _of_pair(connect),
     "disconnect": _of_pair(disconnect),
-    "disconnect_all": _disconnect_all,
+    "disconnect_all": lambda act, item: disconnect_all(act, item, _at(item, act)),
     "promote_attributes": lambda _act, _item: None,  # outside of a compound it changes no wire
     "set_values": _of_pair(set_value),
 }

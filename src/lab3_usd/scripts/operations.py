@@ -120,9 +120,7 @@ def computed(op: ast.operator, one: Value, other: Value, node: ast.AST) -> Value
         return lifted(one.text * other, place(node)) if fits else unknown(node)
     if isinstance(op, ast.BitOr) and isinstance(one, Table) and isinstance(other, Table):
         merged = one.copy()
-        for name, entry in other.values.items():
-            merged.set(other.keys[name], entry)
-        merged.rest = one.rest or other.rest
+        merged.update(other)
         return merged
     function = _OPERATORS.get(type(op))
     if function is None or not (isinstance(one, numbers) and isinstance(other, numbers)):

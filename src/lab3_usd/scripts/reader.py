@@ -13,11 +13,10 @@ from msgspec import Struct
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.stage import StageModel, Unknown
-from lab3_usd.scripts.runs import Way, ways
+from lab3_usd.scripts.runs import ways
 from lab3_usd.scripts.sources import Source, may_build, may_change, parse, read_source
 from lab3_usd.scripts.stage_model import modelled
-from lab3_usd.scripts.values import At
-from lab3_usd.scripts.world import BuiltNode, SceneGraphs, World
+from lab3_usd.scripts.world import BuiltNode, BuiltPort, SceneGraphs, World
 
 _STACK = 256 * 1024 * 1024
 _DEEPEST = 20_000
@@ -25,14 +24,10 @@ _T = TypeVar("_T")
 
 
 class BuiltStage(Struct, frozen=True, eq=False):
-    """The stage that one way through a script leaves, and the places that it came by.
-
-    `start` numbers the starts of the script: ways of one start are alternatives.
-    """
+    """The stage that one way through a script leaves, and the places that it came by."""
 
     model: StageModel
     world: World
-    start: int
 
 
 class ReadScript(Struct, frozen=True, eq=False):
@@ -50,13 +45,14 @@ class ReadScript(Struct, frozen=True, eq=False):
     @property
     def graphs(self) -> int:
         """How many graphs are built, those of all ways."""
-        paths = {
-            (path, graph.at)
-            for world in self.worlds
-            for path, graph in world.graphs.items()
-            if any(True for _ in world.nodes_of(path))
-        }
-        return len(paths)
+        return len(
+            {
+                (graph.path, graph.at)
+                for world in self.worlds
+                for graph in world.graphs.values()
+                if any(world.nodes_of(graph.path))
+            }
+        )
 
     @property
     def nodes(self) -> int:
@@ -69,26 +65,17 @@ class ReadScript(Struct, frozen=True, eq=False):
         return len(
             {
                 (node.path, name, source, at)
-                for world in self.worlds
-                for node in _changed(world)
-                for name, port in node.ports.items()
-                for source, (at, _, _) in port.sources.items()
-                if not port.is_promoted(source)
+                for node, name, port in self._ports()
+                for source, at in port.sources.items()
+                if source not in port.promoted
             }
         )
 
     @property
     def values(self) -> int:
         """How many inputs are set, those of all ways."""
-        return len(
-            {
-                (node.path, name, port.at)
-                for world in self.worlds
-                for node in _changed(world)
-                for name, port in node.ports.items()
-                if port.at is not None
-            }
-        )
+        ports = self._ports()
+        return len({(node.path, name, port.at) for node, name, port in ports if port.at})
 
     @property
     def unknown(self) -> tuple[Unknown, ...]:
@@ -96,11 +83,11 @@ class ReadScript(Struct, frozen=True, eq=False):
         unread = {each: None for world in self.worlds for each in world.unread}
         return tuple(sorted(unread, key=lambda each: (each.line, each.why)))
 
-
-def _changed(world: World) -> Iterator[BuiltNode]:
-    """Yield the nodes that a script makes, and those of its scene that it changes."""
-    yield from world.nodes.values()
-    yield from world.changed.values()
+    def _ports(self) -> Iterator[tuple[BuiltNode, str, BuiltPort]]:
+        """Yield the ports of the nodes that the script makes or changes, with their names."""
+        for world in self.worlds:
+            for node in (*world.nodes.values(), *world.changed.values()):
+                yield from ((node, name, port) for name, port in node.ports.items())
 
 
 def read_script(
@@ -121,22 +108,16 @@ def read_script(
     graphs = () if scene is None else scene.graphs
     nodes = {node.path: node for graph in graphs for node in graph.nodes}
     there = SceneGraphs(frozenset(graph.path for graph in graphs), nodes)
-    starts = in_deep_thread(lambda: list(ways(parse(source), platform.building, there)))
-    stages: list[BuiltStage] = []
-    stopped: set[int] = set()
-    for number, alternatives in enumerate(starts):
-        for way in alternatives:
-            if way.stopped:
-                stopped.add(source.line(way.stopped))
-            stages += (
-                BuiltStage(modelled(world, platform, scene), world, number)
-                for world in way.worlds
-                if (world.nodes or world.changed or world.removed or world.faults)
-                or any(graph.is_ours for graph in world.graphs.values())
-            )
-    if not stages and not stopped:
-        return None
-    return ReadScript(source, tuple(stages), tuple(sorted(stopped)))
+    followed = in_deep_thread(lambda: list(ways(parse(source), platform.building, there)))
+    stages = tuple(
+        BuiltStage(modelled(world, platform, scene), world)
+        for way in followed
+        for world in way.worlds
+        if (world.nodes or world.changed or world.removed or world.faults)
+        or any(graph.is_ours for graph in world.graphs.values())
+    )
+    stopped = {source.line(way.stopped) for way in followed if way.stopped}
+    return ReadScript(source, stages, tuple(sorted(stopped))) if stages or stopped else None
 
 
 def in_deep_thread(function: Callable[[], _T]) -> _T:
@@ -168,6 +149,3 @@ def in_deep_thread(function: Callable[[], _T]) -> _T:
     if errors:
         raise errors[0]
     return results[0]
-
-
-__all__ = ["At", "BuiltStage", "ReadScript", "Way", "read_script"]

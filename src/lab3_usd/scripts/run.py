@@ -5,6 +5,8 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Sequence
 
+from msgspec import Struct
+
 from lab3_usd.isaac.behaviour import Building
 from lab3_usd.scripts.values import Function, Instance, Scope, Value
 from lab3_usd.scripts.world import SceneGraphs, World
@@ -20,18 +22,17 @@ class StepLimitError(Exception):
     """The evaluation took as many steps as it may."""
 
 
-class Arguments:
-    """What a call is given; `is_open` where more of it is unknown."""
+class Arguments(Struct, eq=False):
+    """What a call is given by place and by name; `is_open` where more of it is unknown."""
 
-    __slots__ = ("given", "is_open", "named")
+    given: list[Value] = []
+    named: dict[str, Value] = {}
+    is_open: bool = False
 
-    def __init__(
-        self, given: list[Value], named: dict[str, Value], *, is_open: bool = False
-    ) -> None:
-        """Take the values by place and by name."""
-        self.given = given
-        self.named = named
-        self.is_open = is_open
+    @property
+    def first(self) -> Value:
+        """The first value, by place or else by name."""
+        return next(iter((*self.given, *self.named.values())), None)
 
     def get(self, place: int, name: str, default: Value = None) -> Value:
         """Return the value at a place or of a name."""
@@ -78,7 +79,6 @@ class Run:
         self.instances: list[Instance] = []
         self.inner: list[Function] = []
         self.line = 1
-        self.attributes: dict[int, dict[str, list[ast.expr]]] = {}
         self.call_value: Callable[[Value, Arguments, ast.AST, Scope], Value]
         self.assign: Callable[[ast.expr, Value, Scope], None]
         self.attribute_set_elsewhere: Callable[[Instance, ast.Attribute], Value]

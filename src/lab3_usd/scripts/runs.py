@@ -8,37 +8,27 @@ from __future__ import annotations
 
 import ast
 from collections.abc import Iterator
+from functools import lru_cache
 
 from msgspec import Struct
 
 from lab3_usd.isaac.behaviour import Building
 from lab3_usd.model.stage import Unknown
+from lab3_usd.scripts.attributes import attribute_of
 from lab3_usd.scripts.calling import call_function, call_value, construct
 from lab3_usd.scripts.expressions import evaluate
 from lab3_usd.scripts.run import Arguments, Run, StepLimitError
 from lab3_usd.scripts.statements import assign, execute
-from lab3_usd.scripts.values import Class, Function, Instance, Scope, Value, assigned, unknown
+from lab3_usd.scripts.values import Class, Function, Instance, Scope, Value, last_name, unknown
 from lab3_usd.scripts.world import SceneGraphs, World
 
 MOST_WAYS = 16  # through one start
 MOST_IN_ALL = 120
-_SURE = frozenset(
-    [
-        "edit",
-        "create_graph",
-        "create_node",
-        "create_variable",
-        "set_target_prims",
-        "set_targets",
-        "SetTargets",
-        "AddTarget",
-        "disconnect",
-        "evaluate_sync",
-        "disconnect_all",
-        "delete_node",
-    ]
-)
-_OF_OBJECTS = frozenset(["connect", "set", "Set", "create_attribute", "evaluate"])
+_SURE = (
+    "edit", "create_graph", "create_node", "create_variable", "set_target_prims", "set_targets",
+    "SetTargets", "AddTarget", "disconnect", "evaluate_sync", "disconnect_all", "delete_node",
+)  # fmt: skip
+_OF_OBJECTS = ("connect", "set", "Set", "create_attribute", "evaluate")
 _FIRST = ("setUp", "asyncSetUp", "setup_method", "setup", "setUpClass")
 
 
@@ -50,38 +40,33 @@ class Start(Struct, frozen=True):
 
 
 class Way(Struct, frozen=True, eq=False):
-    """One way through a script, and what it builds; at the line `stopped` it ended early."""
+    """What one way through a script builds; at the line `stopped` it ended early."""
 
-    start: Start
     worlds: tuple[World, ...]
     stopped: int = 0
 
 
-def ways(tree: ast.Module, building: Building, scene: SceneGraphs) -> Iterator[list[Way]]:
+def ways(tree: ast.Module, building: Building, scene: SceneGraphs) -> Iterator[Way]:
     """Yield the ways through a script over a scene, those of one start together."""
     builders = frozenset(_builders(tree))
     looked_at: dict[int, bool] = {}
-    attributes: dict[int, dict[str, list[ast.expr]]] = {}
-    starts = _starts(tree, builders)
     entered: set[int] = set()
     count = 0
-    for start, code in starts:
+    for start, code in _starts(tree, builders):
         if code is not None and id(code) in entered:
             continue
-        followed: list[Way] = []
+        most = min(count + MOST_WAYS, MOST_IN_ALL)
         ahead: list[list[bool]] = [[]]
-        while ahead and len(followed) < MOST_WAYS and count < MOST_IN_ALL:
+        while ahead and count < most:
             decisions = ahead.pop(0)
             run = Run(decisions, builders, building, looked_at, scene)
-            run.attributes = attributes
-            followed.append(_follow(tree, start, run))
+            yield _follow(tree, start, run)
             count += 1
             entered |= run.entered
             ahead += [
                 [*run.taken[:number], not run.taken[number]]
                 for number in range(len(decisions), len(run.taken))
             ]
-        yield followed
 
 
 def _follow(tree: ast.Module, start: Start, run: Run) -> Way:
@@ -97,12 +82,12 @@ def _follow(tree: ast.Module, start: Start, run: Run) -> Way:
             _enter(start, scope, run)
         for function in run.inner:
             if id(function.node) not in run.entered and _builds(function.node, run.builders):
-                call_function(function, Arguments([], {}), run, function.node)
+                call_function(function, Arguments(), run, function.node)
     except StepLimitError:
         stopped = run.line
         for graph in run.world.graphs.values():
             run.world.open_graph(graph.path, Unknown("what follows", stopped))
-    return Way(start, (*run.world.past, run.world), stopped)
+    return Way((*run.world.past, run.world), stopped)
 
 
 def _enter(start: Start, scope: Scope, run: Run) -> None:
@@ -110,24 +95,18 @@ def _enter(start: Start, scope: Scope, run: Run) -> None:
     if not start.owner:
         function = scope.names.get(start.name)
         if isinstance(function, Function):
-            call_function(function, Arguments([], {}), run, function.node)
+            call_function(function, Arguments(), run, function.node)
         return
     kind = scope.names.get(start.owner)
     if not isinstance(kind, Class):
         return
-    own = construct(kind, Arguments([], {}), run, kind.node)
+    own = construct(kind, Arguments(), run, kind.node)
     run.inner.clear()
     for name in (*(_FIRST if start.name.startswith("test") else ()), start.name):
-        method = None if name == "__init__" else kind.find(name)
-        if method is not None and isinstance(method[0], Function):
-            code = method[0].node
-            decorators = [] if isinstance(code, ast.Lambda) else code.decorator_list
-            is_static = "staticmethod" in {
-                each.id for each in decorators if isinstance(each, ast.Name)
-            }
-            given = None if is_static else own
-            bound = Function(code, method[0].scope, given, method[1], method[0].defaults)
-            call_function(bound, Arguments([], {}), run, code)
+        if name != "__init__" and kind.find(name) is not None:
+            method = attribute_of(own, ast.Attribute(ast.Name(start.owner), name), run)
+            if isinstance(method, Function):
+                call_function(method, Arguments(), run, method.node)
 
 
 def _set_elsewhere(own: Instance, node: ast.Attribute, run: Run) -> Value:
@@ -135,7 +114,7 @@ def _set_elsewhere(own: Instance, node: ast.Attribute, run: Run) -> Value:
     values = [
         (value, kind)
         for kind in own.type.lines()
-        for value in _assigned(kind, run).get(node.attr, ())
+        for value in _assigned(kind.node).get(node.attr, ())
         if not (isinstance(value, ast.Constant) and value.value is None)
     ]
     if len(values) != 1:
@@ -148,10 +127,15 @@ def _set_elsewhere(own: Instance, node: ast.Attribute, run: Run) -> Value:
     return result
 
 
-def _assigned(kind: Class, run: Run) -> dict[str, list[ast.expr]]:
-    expressions = run.attributes.get(id(kind.node))
-    if expressions is None:
-        expressions = run.attributes[id(kind.node)] = assigned(kind.node)
+@lru_cache(maxsize=64)
+def _assigned(node: ast.ClassDef) -> dict[str, list[ast.expr]]:
+    """Return what the methods of a class assign to each attribute of their object."""
+    expressions: dict[str, list[ast.expr]] = {}
+    for part in ast.walk(node):
+        if isinstance(part, (ast.Assign, ast.AnnAssign)) and part.value is not None:
+            for target in part.targets if isinstance(part, ast.Assign) else [part.target]:
+                if isinstance(target, ast.Attribute) and isinstance(target.value, ast.Name):
+                    expressions.setdefault(target.attr, []).append(part.value)
     return expressions
 
 
@@ -170,7 +154,8 @@ def _starts(tree: ast.Module, builders: frozenset[int]) -> list[tuple[Start, ast
             ]
     called: set[str] = set()
     for start, code in starts:
-        called |= {name for name in _called(code) if name != start.name}
+        calls = {last_name(part) for part in ast.walk(code) if isinstance(part, ast.Call)}
+        called |= calls - {start.name}
         if start.name == "__init__":
             called.discard(start.owner)
     first = [each for each in starts if each[0].name not in called]
@@ -188,15 +173,6 @@ def _statements(body: list[ast.stmt]) -> Iterator[ast.stmt]:
                 yield from _statements(inner)
 
 
-def _called(code: ast.AST) -> Iterator[str]:
-    for part in ast.walk(code):
-        if isinstance(part, ast.Call):
-            if isinstance(part.func, ast.Attribute):
-                yield part.func.attr
-            elif isinstance(part.func, ast.Name):
-                yield part.func.id
-
-
 def _builds(code: ast.AST, builders: frozenset[int]) -> bool:
     return any(id(part) in builders for part in ast.walk(code))
 
@@ -204,7 +180,7 @@ def _builds(code: ast.AST, builders: frozenset[int]) -> bool:
 def _builders(tree: ast.Module) -> set[int]:
     """Return the calls that build graphs, by themselves or in functions that they call."""
     calls_that_build: set[int] = set()
-    calls: list[tuple[ast.Call, str]] = []
+    calls: list[ast.Call] = []
     functions: dict[str, list[ast.AST]] = {}
     for part in ast.walk(tree):
         if isinstance(part, (ast.FunctionDef, ast.AsyncFunctionDef)):
@@ -216,7 +192,7 @@ def _builders(tree: ast.Module) -> set[int]:
                 if isinstance(each, ast.FunctionDef) and each.name in ("__init__", "__post_init__")
             )
         elif isinstance(part, ast.Call):
-            calls.append((part, next(_called(part), "")))
+            calls.append(part)
             if _is_builder(part):
                 calls_that_build.add(id(part))
     inside = {
@@ -233,22 +209,16 @@ def _builders(tree: ast.Module) -> set[int]:
         if not new:
             return calls_that_build
         building |= new
-        calls_that_build |= {id(call) for call, name in calls if _own_name(call) in building}
-
-
-def _own_name(call: ast.Call) -> str:
-    if isinstance(call.func, ast.Attribute):
-        return call.func.attr
-    return call.func.id if isinstance(call.func, ast.Name) else ""
+        calls_that_build |= {id(call) for call in calls if last_name(call) in building}
 
 
 def _is_builder(call: ast.Call) -> bool:
-    name = _own_name(call)
+    name = last_name(call)
     if name in _SURE:
         return True
     if name not in _OF_OBJECTS or not isinstance(call.func, ast.Attribute):
         return False
     owner = call.func.value
     if isinstance(owner, ast.Call):
-        return _own_name(owner) in ("attribute", "get_attribute", "GetAttribute")
+        return last_name(owner) in ("attribute", "get_attribute", "GetAttribute")
     return isinstance(owner, ast.Attribute) and owner.attr == "Controller"

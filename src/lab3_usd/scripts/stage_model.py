@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterable, Iterator, Mapping
 from typing import Any
 
@@ -43,6 +44,7 @@ _REL = "rel"
 _NUMBERS = ("bool", "uchar", "int", "uint", "int64", "uint64", "half", "float", "double")
 _REALS = ("half", "float", "double")
 _TEXTS = ("string", "token")
+_STAND_IN = re.compile(r"\{([^{}]*)\}")
 
 
 class _Overlay(Prims):
@@ -85,13 +87,12 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
     missing: dict[str, UnresolvedAsset] = {}
     if scene is None:
         missing["/"] = UnresolvedAsset("/", SCENE, "script")
-    elsewhere = {node: UnresolvedAsset(node, SCENE, "script") for node in sorted(world.outside)}
-    if scene is None:
-        missing.update(elsewhere)
+        for node in sorted(world.outside):
+            missing[node] = UnresolvedAsset(node, SCENE, "script")
     graphs = [
         _graph(graph, world, platform, missing)
         for graph in world.graphs.values()
-        if graph.is_ours or any(True for _ in world.nodes_of(graph.path))
+        if graph.is_ours or any(world.nodes_of(graph.path))
     ]
     graphs = _opened(graphs, platform)
     made = [*world.nodes.values(), *world.changed.values()]
@@ -124,7 +125,7 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
     kept = [
         _changed_graph(graph, own.pop(graph.path, None), world, missing)
         for graph in scene.graphs
-        if world.has_scene_graph(graph.path)
+        if not world.is_removed(graph.path)
     ]
     below = scene.prims if isinstance(scene.prims, Prims) else Prims(scene.prims)
     return replace(
@@ -181,11 +182,10 @@ def _places(world: World) -> Iterator[tuple[tuple[str, str | None, str | None], 
         yield (node.path, None, None), node.at
     for node in (*world.nodes.values(), *world.changed.values()):
         for name, port in node.ports.items():
-            for source, (at, _, _) in port.sources.items():
+            for source, at in port.sources.items():
                 yield (node.path, name, source), at
-            first = next((at for at, _, _ in port.sources.values()), None)
-            if port.at is not None or first is not None:
-                yield (node.path, name, None), port.at or first or node.at
+            if port.at is not None or port.sources:
+                yield (node.path, name, None), port.at or next(iter(port.sources.values()))
 
 
 def _graph(
@@ -193,9 +193,9 @@ def _graph(
 ) -> GraphModel:
     form = platform.graph.evaluation
     building = platform.building
-    attributes: dict[str, PlainValue] = {}
-    for attribute in platform.graph.attributes:
-        attributes[attribute.name] = attribute.value
+    attributes: dict[str, PlainValue] = {
+        attribute.name: attribute.value for attribute in platform.graph.attributes
+    }
     attributes[form.evaluator] = _setting(graph.evaluator, {}, building.evaluator)
     attributes[form.stage] = _setting(
         graph.stage, building.stages, platform.graph.value(form.stage) or ""
@@ -246,7 +246,7 @@ def _changed_graph(
     kept = (
         _changed_node(node, world, missing)
         for node in graph.nodes
-        if node.path not in new and world.has_scene_node(node.path)
+        if node.path not in new and not world.is_removed(node.path)
     )
     if more is not None:
         graph = replace(
@@ -407,14 +407,8 @@ def _plain_value(value: Value, line: int) -> PlainValue | Unknown:
         plain_value = plain(value)
     except UnknownValueError:
         if isinstance(value, Text):
-            return Unknown(
-                value.text.strip("{}")
-                if value.text.count("{") == 1
-                and value.text.startswith("{")
-                and value.text.endswith("}")
-                else value.text,
-                line,
-            )
+            stand_in = _STAND_IN.fullmatch(value.text)
+            return Unknown(stand_in[1] if stand_in else value.text, line)
         if isinstance(value, Unknown):
             return Unknown(value.why, line)
         if isinstance(value, External):

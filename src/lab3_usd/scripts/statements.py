@@ -22,6 +22,7 @@ from lab3_usd.scripts.values import (
     Value,
     joined,
     place,
+    same,
     truth,
     unknown,
 )
@@ -99,28 +100,19 @@ def _unpack(targets: list[ast.expr], value: Value, scope: Scope, run: Run) -> No
     items = listed(value)
     stars = [number for number, each in enumerate(targets) if isinstance(each, ast.Starred)]
     values = [] if items is None else items.items
-    fits = items is not None and (
-        len(values) == len(targets) or (bool(stars) and len(values) >= len(targets) - 1)
-    )
-    if not fits or items is None:
-        for number, target in enumerate(targets):
-            has_it = number < len(values) and not stars
-            assign(target, values[number] if has_it else unknown(target), scope, run)
-        return
-    if not stars:
-        for target, item in zip(targets, values, strict=True):
-            assign(target, item, scope, run)
-        return
-    first, behind = stars[0], len(targets) - stars[0] - 1
-    middle = Items(values[first : len(values) - behind], items.at)
-    spread = [*values[:first], middle, *values[len(values) - behind :]]
-    for target, item in zip(targets, spread, strict=True):
+    if items is not None and stars and len(values) >= len(targets) - 1:
+        first, behind = stars[0], len(values) - (len(targets) - stars[0] - 1)
+        middle = Items(values[first:behind], items.at)
+        values = [*values[:first], middle, *values[behind:]]
+    elif stars:
+        values = []
+    for number, target in enumerate(targets):
+        item = values[number] if number < len(values) else unknown(target)
         assign(target, item, scope, run)
 
 
 def _augmented(node: ast.AugAssign, scope: Scope, run: Run) -> Ending:
-    load = ast.copy_location(_as_load(node.target), node.target)
-    before, value = evaluate(load, scope, run), evaluate(node.value, scope, run)
+    before, value = evaluate(node.target, scope, run), evaluate(node.value, scope, run)
     if isinstance(before, Items) and before.kind == "list" and isinstance(node.op, ast.Add):
         more = listed(value)
         rest = as_unknown(value, node) if more is None else more.rest
@@ -132,21 +124,11 @@ def _augmented(node: ast.AugAssign, scope: Scope, run: Run) -> Ending:
     return ""
 
 
-def _as_load(target: ast.expr) -> ast.expr:
-    if isinstance(target, ast.Name):
-        return ast.Name(target.id, ast.Load())
-    if isinstance(target, ast.Attribute):
-        return ast.Attribute(target.value, target.attr, ast.Load())
-    if isinstance(target, ast.Subscript):
-        return ast.Subscript(target.value, target.slice, ast.Load())
-    return target
-
-
 def _import(node: ast.Import, scope: Scope, _run: Run) -> Ending:
     for name in node.names:
         top = name.name.partition(".")[0]
         full = name.name if name.asname else top
-        scope.set(name.asname or top, External(full, node.lineno))
+        scope.set(name.asname or top, External(full))
     return ""
 
 
@@ -157,7 +139,7 @@ def _import_from(node: ast.ImportFrom, scope: Scope, run: Run) -> Ending:
             if module == run.building.module:
                 scope.top().stars.append(module)
             continue
-        scope.set(name.asname or name.name, External(f"{module}.{name.name}", node.lineno))
+        scope.set(name.asname or name.name, External(f"{module}.{name.name}"))
     return ""
 
 
@@ -309,7 +291,7 @@ def _for(node: ast.For | ast.AsyncFor, scope: Scope, run: Run) -> Ending:
     most = MOST_ROUNDS if _matters(node.body, run) else FEW_ROUNDS
     rounds: list[Value] = [] if items is None else items.items[:most]
     if items is None or (items.rest is not None and not rounds):
-        rounds = [_element(node, value)]
+        rounds = [_element(node.target)]
     for item in rounds:
         assign(node.target, item, scope, run)
         ending = execute(node.body, scope, run)
@@ -320,13 +302,11 @@ def _for(node: ast.For | ast.AsyncFor, scope: Scope, run: Run) -> Ending:
     return execute(node.orelse, scope, run)
 
 
-def _element(node: ast.For | ast.AsyncFor, value: Value) -> Value:
+def _element(target: ast.expr) -> Value:
     """Return what stands for the items of a list that is unknown."""
-    del value
-    if isinstance(node.target, (ast.Tuple, ast.List)):
-        parts = [unknown(each) for each in node.target.elts]
-        return Items(parts, place(node.target), "tuple")
-    return unknown(node.target)
+    if isinstance(target, (ast.Tuple, ast.List)):
+        return Items([unknown(each) for each in target.elts], place(target), "tuple")
+    return unknown(target)
 
 
 def _while(node: ast.While, scope: Scope, run: Run) -> Ending:
@@ -368,10 +348,9 @@ def _with(node: ast.With | ast.AsyncWith, scope: Scope, run: Run) -> Ending:
     for item in node.items:
         value = evaluate(item.context_expr, scope, run)
         if isinstance(value, Instance):
-            entered = value.type.find("__enter__") or value.type.find("__aenter__")
-            if entered is not None and isinstance(entered[0], Function):
-                method = Function(entered[0].node, entered[0].scope, value, entered[1])
-                value = run.call_value(method, Arguments([], {}), node, scope)
+            method = value.type.method("__enter__", value) or value.type.method("__aenter__", value)
+            if method is not None:
+                value = run.call_value(method, Arguments(), node, scope)
         elif isinstance(value, Items) and value.kind == "generator" and value.items:
             value = value.items[0]
         if item.optional_vars is not None:
@@ -388,11 +367,9 @@ def _match(node: ast.Match, scope: Scope, run: Run) -> Ending:
             return execute(case.body, scope, run)
         if isinstance(pattern, ast.MatchValue):
             test = ast.Compare(node.subject, [ast.Eq()], [pattern.value])
-            ast.copy_location(test, pattern)
-            outcome = truth(evaluate(test, scope, run))
+            outcome = same(value, evaluate(pattern.value, scope, run))
             if outcome or (outcome is None and run.decide(test)):
                 return execute(case.body, scope, run)
-    del value
     return ""
 
 

@@ -7,10 +7,12 @@ it leaves a stand-in in braces, as `{args.topic}`.
 from __future__ import annotations
 
 import ast
+import re
 from collections.abc import Iterator, Mapping
 from typing import Any, TypeAlias
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.model.stage import Unknown
 
@@ -20,6 +22,7 @@ At = tuple[int, int, int, int]  # line, column, last line and its column, as ast
 MOST_ITEMS = 20_000  # of a list
 MOST_LETTERS = 200_000  # of a text
 _LONGEST = 40  # letters of what a stand-in says
+_STAND_IN = re.compile(r"\{[^{}]*\}")
 
 
 def place(node: ast.AST) -> At:
@@ -60,39 +63,37 @@ def unknown(node: ast.AST) -> Unknown:
     return Unknown(words(node), getattr(node, "lineno", 1))
 
 
-class Piece(Struct, frozen=True):
-    """A literal of the script of which a text was made."""
+def last_name(call: ast.Call) -> str:
+    """Return the last name of what is called, '' where it has none."""
+    if isinstance(call.func, ast.Attribute):
+        return call.func.attr
+    return call.func.id if isinstance(call.func, ast.Name) else ""
 
-    text: str
-    at: At
+
+def reason(value: Value, line: int) -> Unknown:
+    """Return what is unknown of a value that is not of the kind that is needed."""
+    return value if isinstance(value, Unknown) else Unknown("...", line)
 
 
 class Text(Struct, frozen=True):
-    """A text, with stand-ins for what is unknown of it, and the literals that it was made of.
+    """A text, with stand-ins for what is unknown of it.
 
     `unknown` is the first unknown part. One that `is_path` was made a path of USD.
     """
 
     text: str
     at: At
-    pieces: tuple[Piece, ...] = ()
     unknown: Unknown | None = None
     is_path: bool = False
 
 
-class Items:
+class Items(Struct, eq=False):
     """A list, tuple or set; `rest` is what is not known of it, None where all of it is."""
 
-    __slots__ = ("at", "items", "kind", "rest")
-
-    def __init__(
-        self, items: list[Value], at: At, kind: str = "list", rest: Unknown | None = None
-    ) -> None:
-        """Take the items that are known."""
-        self.items = items
-        self.at = at
-        self.kind = kind
-        self.rest = rest
+    items: list[Value]
+    at: At
+    kind: str = "list"
+    rest: Unknown | None = None
 
     def extend(self, items: list[Value], rest: Unknown | None = None) -> None:
         """Take more items; of those that are too many, it is only known that there are some."""
@@ -103,47 +104,42 @@ class Items:
         self.rest = self.rest or rest
 
 
-class Table:
+class Table(Struct, eq=False):
     """A dictionary: its keys and values in order, and what is not known of it.
 
     `lost` are the keys that a literal has twice, each with the value that does not count.
     """
 
-    __slots__ = ("at", "keys", "lost", "rest", "values")
-
-    def __init__(self, at: At, rest: Unknown | None = None) -> None:
-        """Start without keys."""
-        self.at = at
-        self.keys: dict[object, Value] = {}
-        self.values: dict[object, Value] = {}
-        self.lost: list[tuple[Value, Value]] = []
-        self.rest = rest
+    at: At
+    rest: Unknown | None = None
+    keys: dict[object, Value] = {}
+    values: dict[object, Value] = {}
+    lost: list[tuple[Value, Value]] = []
 
     def set(self, key: Value, value: Value) -> None:
         """Give a key a value; one that is not known makes the table so."""
         name = key_of(key)
         if name is None:
-            self.rest = self.rest or (key if isinstance(key, Unknown) else Unknown("...", 0))
+            self.rest = self.rest or reason(key, 0)
             return
         self.keys[name] = key
         self.values[name] = value
 
-    def get(self, name: object) -> Value | None:
-        """Return the value of a plain key, None without one."""
-        return self.values.get(name)
+    def update(self, other: Table) -> None:
+        """Take the keys and values of another table, and what is not known of it."""
+        self.keys |= other.keys
+        self.values |= other.values
+        self.rest = self.rest or other.rest
 
     def copy(self) -> Table:
         """Return a table with the same keys."""
-        other = Table(self.at, self.rest)
-        other.keys, other.values = dict(self.keys), dict(self.values)
-        return other
+        return Table(self.at, self.rest, dict(self.keys), dict(self.values))
 
 
 class External(Struct, frozen=True):
     """Something of a module that is not read, by its dotted name."""
 
     name: str
-    line: int = 0
 
     @property
     def last(self) -> str:
@@ -151,21 +147,20 @@ class External(Struct, frozen=True):
         return self.name.rpartition(".")[2]
 
 
-class Scope:
-    """The names of a module, a class or a function, and the scope around it."""
+class Scope(Struct, eq=False):
+    """The names of a module, a class or a function, and the scope around it.
 
-    __slots__ = ("kind", "names", "outer", "owner", "public", "returns", "stars", "yields")
+    `public` are those that are declared global or nonlocal.
+    """
 
-    def __init__(self, kind: str, outer: Scope | None = None) -> None:
-        """Start without names; `public` are those that are declared global or nonlocal."""
-        self.kind = kind
-        self.names: dict[str, Value] = {}
-        self.outer = outer
-        self.public: dict[str, Scope] = {}
-        self.stars: list[str] = []
-        self.returns: list[Value] = []
-        self.yields: list[Value] | None = None
-        self.owner: Class | None = None
+    kind: str
+    outer: Scope | None = None
+    owner: Class | None = None
+    names: dict[str, Value] = {}
+    public: dict[str, Scope] = {}
+    stars: list[str] = []
+    returns: list[Value] = []
+    yields: list[Value] | None = None
 
     def find(self, name: str) -> Value | None:
         """Return the value of a name here or further out, None without one."""
@@ -210,15 +205,17 @@ class Function(Struct, frozen=True, eq=False):
     owner: Class | None = None
     defaults: Mapping[str, Value] = {}
 
+    def of(self, own: Value, owner: Class) -> Function:
+        """Return the function as a method of an object or a class."""
+        return replace(self, own=own, owner=owner)
 
-class Class:
+
+class Class(Struct, eq=False):
     """A class of the script with its attributes, and those of its bases that are known."""
 
-    __slots__ = ("bases", "name", "node", "scope")
-
-    def __init__(self, node: ast.ClassDef, scope: Scope, bases: list[Value]) -> None:
-        """Take the body's names, and the bases."""
-        self.node, self.scope, self.bases, self.name = node, scope, bases, node.name
+    node: ast.ClassDef
+    scope: Scope
+    bases: list[Value]
 
     def lines(self) -> Iterator[Class]:
         """Yield the class and its bases, nearest first."""
@@ -234,16 +231,17 @@ class Class:
                 return kind.scope.names[name], kind
         return None
 
+    def method(self, name: str, own: Value) -> Function | None:
+        """Return a function of the class as a method of one of its objects, None without one."""
+        member, owner = self.find(name) or (None, self)
+        return member.of(own, owner) if isinstance(member, Function) else None
 
-class Instance:
+
+class Instance(Struct, eq=False):
     """An object of a class of the script."""
 
-    __slots__ = ("attributes", "type")
-
-    def __init__(self, kind: Class) -> None:
-        """Start without attributes."""
-        self.type = kind
-        self.attributes: dict[str, Value] = {}
+    type: Class
+    attributes: dict[str, Value] = {}
 
 
 class Super(Struct, frozen=True, eq=False):
@@ -258,17 +256,12 @@ class Method(Struct, frozen=True, eq=False):
 
     own: Value
     name: str
-    line: int
 
 
-class Controller:
+class Controller(Struct, eq=False):
     """An object of the controller class, which remembers short names of nodes between its calls."""
 
-    __slots__ = ("names",)
-
-    def __init__(self) -> None:
-        """Start without names."""
-        self.names: dict[str, Any] = {}
+    names: dict[str, Any] = {}
 
 
 class GraphHandle(Struct, frozen=True):
@@ -284,13 +277,10 @@ class NodeHandle(Struct, frozen=True):
 
 
 class AttributeHandle(Struct, frozen=True):
-    """An attribute as an object, of OmniGraph, or of USD where it is `plain`."""
+    """An attribute or relationship as an object, of OmniGraph or of USD."""
 
     path: str
     name: str
-    line: int
-    plain: bool = False
-    is_relationship: bool = False
 
 
 class PrimHandle(Struct, frozen=True):
@@ -323,7 +313,7 @@ def truth(value: Value) -> bool | None:
     if isinstance(value, Text):
         if value.unknown is None:
             return bool(value.text)
-        return True if any(piece.text for piece in value.pieces) else None
+        return True if _STAND_IN.sub("", value.text) else None
     if isinstance(value, Items):
         return True if value.items else None if value.rest else False
     if isinstance(value, Table):
@@ -362,17 +352,6 @@ def joined(one: Value, other: Value, what: Unknown) -> Value:
     return one if isinstance(one, Unknown) and one == other else what
 
 
-def assigned(node: ast.ClassDef) -> dict[str, list[ast.expr]]:
-    """Return what the methods of a class assign to each attribute of their object."""
-    expressions: dict[str, list[ast.expr]] = {}
-    for part in ast.walk(node):
-        if isinstance(part, (ast.Assign, ast.AnnAssign)) and part.value is not None:
-            for target in part.targets if isinstance(part, ast.Assign) else [part.target]:
-                if isinstance(target, ast.Attribute) and isinstance(target.value, ast.Name):
-                    expressions.setdefault(target.attr, []).append(part.value)
-    return expressions
-
-
 class UnknownValueError(Exception):
     """A value is needed that only a run of the script tells."""
 
@@ -407,7 +386,7 @@ def lifted(value: Any, at: At) -> Value:
     if isinstance(value, str):
         if len(value) > MOST_LETTERS:
             return Unknown("a long text", at[0])
-        return Text(value, at, (Piece(value, at),))
+        return Text(value, at)
     if isinstance(value, (list, tuple, set, frozenset, range)):
         if len(value) > MOST_ITEMS:
             return Unknown("a long list", at[0])
@@ -428,15 +407,14 @@ def as_text(value: Value, at: At) -> Text:
     if isinstance(value, Text):
         return value
     if isinstance(value, Unknown):
-        return Text(f"{{{value.why}}}", at, (), value)
+        return Text(f"{{{value.why}}}", at, value)
     if isinstance(value, External):
-        return Text(f"{{{value.name}}}", at, (), Unknown(value.name, at[0]))
+        return Text(f"{{{value.name}}}", at, Unknown(value.name, at[0]))
     if isinstance(value, (GraphHandle, NodeHandle, PrimHandle)):
-        return Text(value.path, at, ())
+        return Text(value.path, at)
     if value is None or isinstance(value, (bool, int, float)):
-        text = str(value)
-        return Text(text, at, (Piece(text, at),))
-    return Text("{...}", at, (), Unknown("...", at[0]))
+        return Text(str(value), at)
+    return Text("{...}", at, Unknown("...", at[0]))
 
 
 def concatenated(parts: list[Text], at: At) -> Value:
@@ -446,6 +424,5 @@ def concatenated(parts: list[Text], at: At) -> Value:
     return Text(
         "".join(part.text for part in parts),
         at,
-        tuple(piece for part in parts for piece in part.pieces),
         next((part.unknown for part in parts if part.unknown), None),
     )

@@ -12,7 +12,8 @@ from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import Node, Unknown
 from lab3_usd.scripts.values import At, Text, Value
 
-_CHANGING = ("graphs", "faults", "unread", "values", "places", "lines", "guarded")
+# What belongs to the stage that is open.
+_OF_STAGE = ("graphs", "nodes", "faults", "unread", "places", "guarded", "changed", "removed")
 
 
 class SceneGraphs(Struct, frozen=True, eq=False):
@@ -22,49 +23,35 @@ class SceneGraphs(Struct, frozen=True, eq=False):
     nodes: Mapping[str, Node] = {}
 
 
-class BuiltPort:
+class BuiltPort(Struct, eq=False):
     """A port of a node: its value or targets, the sources of its wires, and where each was given.
 
     `is_made`: the script creates the attribute; `is_quiet`: its value was set by a call that
     reports no wrong name; `is_late`: it was set after the edit. `cut` are the sources whose wires
-    are removed, '' for all.
+    are removed, '' for all. `promoted` are those that are only the names of a compound for the
+    port, and no wires.
     """
 
-    __slots__ = (
-        "at", "cut", "is_late", "is_made", "is_quiet", "promoted", "sources", "text", "value"
-    )  # fmt: skip
-
-    def __init__(self) -> None:
-        """Start without anything."""
-        self.value: Value = None
-        self.at: At | None = None
-        self.text: Text | None = None
-        self.sources: dict[str, tuple[At, Value, Value]] = {}
-        self.cut: set[str] = set()
-        self.is_made = False
-        self.is_quiet = False
-        self.is_late = False
-        self.promoted: set[str] = set()
-
-    def is_promoted(self, source: str) -> bool:
-        """Whether a source is only the name of a compound for the port, and no wire."""
-        return source in self.promoted
+    value: Value = None
+    at: At | None = None
+    sources: dict[str, At] = {}
+    cut: set[str] = set()
+    promoted: set[str] = set()
+    is_made: bool = False
+    is_quiet: bool = False
+    is_late: bool = False
 
 
-class BuiltNode:
+class BuiltNode(Struct, eq=False):
     """A node: the text of its type, and its ports by name."""
 
-    __slots__ = ("at", "graph", "is_compound", "path", "ports", "promoted", "type")
-
-    def __init__(self, path: str, graph: str, kind: Value, at: At) -> None:
-        """Start without ports."""
-        self.path = path
-        self.graph = graph
-        self.type = kind
-        self.at = at
-        self.ports: dict[str, BuiltPort] = {}
-        self.is_compound = False
-        self.promoted: set[str] = set()
+    path: str
+    graph: str
+    type: Value
+    at: At
+    ports: dict[str, BuiltPort] = {}
+    is_compound: bool = False
+    promoted: set[str] = set()
 
     @property
     def name(self) -> str:
@@ -76,7 +63,7 @@ class BuiltNode:
         """Where it is made, and its ports get their values and wires."""
         yield self.at
         for port in self.ports.values():
-            yield from (at for at, _, _ in port.sources.values())
+            yield from port.sources.values()
             if port.at is not None:
                 yield port.at
 
@@ -92,39 +79,25 @@ class BuiltVariable(Struct):
     value: Value
 
 
-class BuiltGraph:
+class BuiltGraph(Struct, eq=False):
     """A graph: how it is evaluated, and what is unknown of what it holds.
 
     What is None of how it is evaluated was not said. One that `is_ours` is made by the script, and
     one that `is_evaluated` is evaluated by it.
     """
 
-    __slots__ = (
-        "at",
-        "evaluator",
-        "is_evaluated",
-        "is_ours",
-        "mode",
-        "path",
-        "rest",
-        "stage",
-        "variables",
-    )
-
-    def __init__(self, path: str, at: At, *, is_ours: bool) -> None:
-        """Start without nodes."""
-        self.path = path
-        self.at = at
-        self.is_ours = is_ours
-        self.evaluator: str | Unknown | None = None
-        self.stage: str | Unknown | None = None
-        self.mode: str | Unknown | None = None
-        self.rest: Unknown | None = None
-        self.is_evaluated = False
-        self.variables: dict[str, BuiltVariable] = {}
+    path: str
+    at: At
+    is_ours: bool
+    evaluator: str | Unknown | None = None
+    stage: str | Unknown | None = None
+    mode: str | Unknown | None = None
+    rest: Unknown | None = None
+    is_evaluated: bool = False
+    variables: dict[str, BuiltVariable] = {}
 
 
-class World:
+class World(Struct, eq=False):
     """Everything that one way through a script builds.
 
     `places` are the lines and columns that were come by, `unread` what of the edits is unknown.
@@ -134,31 +107,26 @@ class World:
     `removed` prims of it that it removes.
     """
 
-    def __init__(self, scene: SceneGraphs | None = None) -> None:
-        """Start without graphs of one's own."""
-        self.scene = scene or SceneGraphs()
-        self.changed: dict[str, BuiltNode] = {}
-        self.removed: set[str] = set()
-        self.graphs: dict[str, BuiltGraph] = {}
-        self.nodes: dict[str, BuiltNode] = {}
-        self.faults: list[BuildFault] = []
-        self.unread: dict[Unknown, None] = {}
-        self.values = 0
-        self.places: set[At] = set()
-        self.past: list[World] = []
-        self.lines: set[int] = set()
-        self.guarded: list[tuple[int, int]] = []
-        self.outside: set[str] = set()
-        self.twice: set[object] = set()
+    scene: SceneGraphs = SceneGraphs()
+    changed: dict[str, BuiltNode] = {}
+    removed: set[str] = set()
+    graphs: dict[str, BuiltGraph] = {}
+    nodes: dict[str, BuiltNode] = {}
+    faults: list[BuildFault] = []
+    unread: dict[Unknown, None] = {}
+    places: set[At] = set()
+    past: list[World] = []
+    guarded: list[tuple[int, int]] = []
+    outside: set[str] = set()
+    twice: set[object] = set()
 
     def clear(self, *, is_empty: bool) -> None:
         """Open a stage, new or the scene; what was built is kept as one of the past."""
         if self.graphs or self.changed:
-            old, fresh = World(self.scene), World()
-            for name in (*_CHANGING, "nodes", "changed", "removed"):
-                setattr(old, name, getattr(self, name))
+            self.past.append(self.kept())
+            fresh = World()
+            for name in _OF_STAGE:
                 setattr(self, name, getattr(fresh, name))
-            self.past.append(old)
         if is_empty:
             self.scene = SceneGraphs()
 
@@ -166,7 +134,7 @@ class World:
         """Return the node at a path, one of the scene as well."""
         if path in self.nodes:
             return self.nodes[path]
-        scene_node = None if self._is_removed(path) else self.scene.nodes.get(path)
+        scene_node = None if self.is_removed(path) else self.scene.nodes.get(path)
         if scene_node is None:
             return None
         if path not in self.changed:
@@ -178,47 +146,23 @@ class World:
     def has_prim(self, path: str) -> bool:
         """Whether a prim is surely there: a graph or a node."""
         is_of_scene = path in self.scene.graphs or path in self.scene.nodes
-        return (
-            path in self.graphs
-            or path in self.nodes
-            or (is_of_scene and not self._is_removed(path))
-        )
+        is_built = path in self.graphs or path in self.nodes
+        return is_built or (is_of_scene and not self.is_removed(path))
 
-    def has_scene_node(self, path: str) -> bool:
-        """Whether a node of the scene is still there."""
-        return not self._is_removed(path)
-
-    def has_scene_graph(self, path: str) -> bool:
-        """Whether the scene has a graph at a path, as long as the script leaves it there."""
-        return path in self.scene.graphs and not self._is_removed(path)
-
-    def _is_removed(self, path: str) -> bool:
+    def is_removed(self, path: str) -> bool:
+        """Whether the script removes a prim of the scene."""
         return any(is_at_or_below(path, top) for top in self.removed)
 
     def fault(
-        self,
-        kind: FaultKind,
-        at: At,
-        prim: str,
-        name: str,
-        *,
-        property: str | None = None,  # noqa: A002 - as a Problem calls it
-        meant: str = "",
-        others: tuple[str, ...] = (),
+        self, kind: FaultKind, at: At, prim: str, name: str, *, meant: str = "", earlier: str = ""
     ) -> None:
         """Note what ends the script at a place, or goes wrong there without a word."""
-        fault = BuildFault(kind, prim, property, name, at, meant, others)
-        if not any(
-            earlier.kind == kind and earlier.at == at and earlier.name == name
-            for earlier in self.faults
-        ):
-            self.faults.append(fault)
+        if (kind, at, name) not in {(fault.kind, fault.at, fault.name) for fault in self.faults}:
+            self.faults.append(BuildFault(kind, prim, name, at, meant, earlier))
 
     def graph(self, path: str, at: At, *, is_ours: bool) -> BuiltGraph:
         """Return the graph at a path, new or not."""
-        if path not in self.graphs:
-            self.graphs[path] = BuiltGraph(path, at, is_ours=is_ours)
-        return self.graphs[path]
+        return self.graphs.setdefault(path, BuiltGraph(path, at, is_ours))
 
     def nodes_of(self, graph: str) -> Iterator[BuiltNode]:
         """Yield the nodes of a graph."""
@@ -243,9 +187,8 @@ class World:
     def kept(self) -> World:
         """Return what is built so far, which later changes leave as it is."""
         old = World(self.scene)
-        for name in (*_CHANGING, "changed", "removed"):
+        for name in (*_OF_STAGE, "outside", "twice"):
             setattr(old, name, copy(getattr(self, name)))
-        old.outside, old.twice = set(self.outside), set(self.twice)
         for path, node in self.nodes.items():
             old.nodes[path] = same = copy(node)
             same.ports = {name: copy(port) for name, port in node.ports.items()}
@@ -255,17 +198,14 @@ class World:
 
     def remove(self, path: str) -> None:
         """Take a prim out with all below it; what was there is judged as one of the past."""
-        if any(f"{node}/".startswith(f"{path}/") for node in self.nodes):
+        nodes = [node for node in self.nodes if is_at_or_below(node, path)]
+        if nodes:
             self.past.append(self.kept())
-        for node in [
-            other_path for other_path in self.nodes if f"{other_path}/".startswith(f"{path}/")
-        ]:
+        for node in nodes:
             self.remove_node(node)
-        for graph in [
-            other_path for other_path in self.graphs if f"{other_path}/".startswith(f"{path}/")
-        ]:
+        for graph in [graph for graph in self.graphs if is_at_or_below(graph, path)]:
             del self.graphs[graph]
-        if path and any(is_at_or_below(other_path, path) for other_path in self.scene.graphs):
+        if path and any(is_at_or_below(graph, path) for graph in self.scene.graphs):
             self.removed.add(path)
 
     def open_graph(self, path: str, what: Unknown) -> None:

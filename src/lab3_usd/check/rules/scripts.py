@@ -99,7 +99,7 @@ def unknown_node(subject: LintSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "unknown-node", "forgotten-node"):
         if fault.kind == "forgotten-node":
             message = (
-                f"'{fault.name}' is a short name of another call ({fault.others[0]}), which this "
+                f"'{fault.name}' is a short name of another call ({fault.earlier}), which this "
                 f"one does not know: the script stops here"
             )
             yield Problem(
@@ -157,7 +157,7 @@ def node_made_twice(subject: LintSubject) -> Iterator[Problem]:
     for fault in _faults(subject, "node-twice"):
         yield Problem(
             fault.prim,
-            f"{fault.name} was already created in {fault.others[0]}: the script stops here",
+            f"{fault.name} was already created in {fault.earlier}: the script stops here",
             actual=fault.name,
             span=fault.at,
         )
