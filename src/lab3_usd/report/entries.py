@@ -20,6 +20,11 @@ CHECKLIST_STATES = {
     "not shown": "not shown",
     "person": "for a person to judge",
 }
+# What a finding says, in the order of every table and record of findings.
+FINDING_FIELDS = (
+    *("rule", "name", "severity", "prim", "property", "message", "expected", "actual"),
+    *("layer", "line", "column", "handout", "hint", "related"),
+)
 _NAMED = 3  # assets or types in the line that counts nodes
 
 
@@ -113,10 +118,32 @@ def gaps(report: Report) -> Iterator[tuple[str, str]]:
             yield result.path, gap
 
 
-def hidden(report: Report) -> Iterator[tuple[str, str]]:
-    """Yield how many findings a baseline hides, with the path of the stage or submission."""
+class Remark(Struct, frozen=True):
+    """What a report says beside its findings of a path: a gap, what a baseline hides, a crash.
+
+    `title` says which of these it is, and `rule` which rule crashed.
+    """
+
+    path: str
+    title: str
+    severity: Severity
+    text: str
+    rule: str = ""
+
+    @property
+    def sentence(self) -> str:
+        """All of it in one line."""
+        return self.text if self.title == "baseline" else f"{self.title}: {self.text}"
+
+
+def remarks(report: Report) -> Iterator[Remark]:
+    """Yield what was not judged, what a baseline hides, and the rules that crashed."""
+    for path, gap in gaps(report):
+        yield Remark(path, "not judged", "warning", gap)
     for path, findings in hidden_findings(report):
-        yield path, hidden_text(severity_counts(findings))
+        yield Remark(path, "baseline", "note", hidden_text(severity_counts(findings)))
+    for path, crash in crashes(report):
+        yield Remark(path, f"{crash.rule} crashed", "error", crash.error, crash.rule)
 
 
 def hidden_findings(report: Report) -> Iterator[tuple[str, tuple[Finding, ...]]]:

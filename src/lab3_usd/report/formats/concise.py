@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from lab3_usd.model.finding import Report
-from lab3_usd.report.entries import crashes, entries, gaps, hidden, site
+from lab3_usd.report.entries import entries, remarks, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
@@ -16,7 +16,5 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         finding = entry.finding
         place = f"{entry.file}:{finding.line or 1}:{finding.column or 1}"
         lines.append(f"{place}: {finding.rule} {finding.message} ({site(finding)})")
-    lines += [f"{path}:1:1: not judged: {gap}" for path, gap in gaps(report)]
-    lines += [f"{path}:1:1: {text}" for path, text in hidden(report)]
-    lines += [f"{path}:1:1: {crash.rule} crashed: {crash.error}" for path, crash in crashes(report)]
+    lines += [f"{remark.path}:1:1: {remark.sentence}" for remark in remarks(report)]
     return "".join(visible(line) + "\n" for line in lines)

@@ -4,13 +4,11 @@ from __future__ import annotations
 
 from lab3_usd.model.finding import Report, Severity
 from lab3_usd.report.entries import (
-    crashes,
     entries,
-    gaps,
-    hidden,
     how_to_repair,
     is_lint,
     relative_path,
+    remarks,
     site,
 )
 from lab3_usd.report.options import Options, Rules
@@ -37,16 +35,9 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
             texts.append(f"handout {finding.handout}")
         message = "\n".join(map(visible, texts))
         lines.append(_command(COMMANDS[finding.severity], properties, message))
-    for path, gap in gaps(report):
-        properties = {"file": relative_path(path, options.root), "title": "not judged"}
-        lines.append(_command("warning", properties, visible(gap)))
-    for path, text in hidden(report):
-        properties = {"file": relative_path(path, options.root), "title": "baseline"}
-        lines.append(_command("notice", properties, visible(text)))
-    for path, crash in crashes(report):
-        file = relative_path(path, options.root)
-        properties = {"file": file, "title": f"{crash.rule} crashed"}
-        lines.append(_command("error", properties, visible(crash.error)))
+    for remark in remarks(report):
+        properties = {"file": relative_path(remark.path, options.root), "title": remark.title}
+        lines.append(_command(COMMANDS[remark.severity], properties, visible(remark.text)))
     return "".join(line + "\n" for line in lines)
 
 

@@ -3,15 +3,7 @@
 from __future__ import annotations
 
 from lab3_usd.model.finding import Report, Severity
-from lab3_usd.report.entries import (
-    crashes,
-    fingerprint,
-    fingerprinted,
-    gaps,
-    hidden,
-    relative_path,
-    site,
-)
+from lab3_usd.report.entries import fingerprint, fingerprinted, relative_path, remarks, site
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import json_text, visible
 
@@ -35,27 +27,16 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
                 "location": {"path": file, "lines": {"begin": finding.line or 1}},
             }
         )
-    entries = [(path, "not judged", f"not judged: {gap}", "minor") for path, gap in gaps(report)]
-    entries += [(path, "baseline", text, "info") for path, text in hidden(report)]
-    for path, name, text, severity in entries:
-        file = relative_path(path, options.root)
+    for remark in remarks(report):
+        file = relative_path(remark.path, options.root)
+        # What is not stable in the text of a crash must not make another issue of it.
+        parts = (remark.rule, "crash") if remark.rule else (remark.title, remark.text)
         issues.append(
             {
-                "description": visible(text),
-                "check_name": name,
-                "fingerprint": fingerprint(file, name, text.removeprefix("not judged: ")),
-                "severity": severity,
-                "location": {"path": file, "lines": {"begin": 1}},
-            }
-        )
-    for path, crash in crashes(report):
-        file = relative_path(path, options.root)
-        issues.append(
-            {
-                "description": visible(f"rule {crash.rule} crashed: {crash.error}"),
-                "check_name": crash.rule,
-                "fingerprint": fingerprint(file, crash.rule, "crash"),
-                "severity": "blocker",
+                "description": visible(remark.sentence),
+                "check_name": remark.rule or remark.title,
+                "fingerprint": fingerprint(file, *parts),
+                "severity": "blocker" if remark.rule else SEVERITY_NAMES[remark.severity],
                 "location": {"path": file, "lines": {"begin": 1}},
             }
         )

@@ -8,7 +8,13 @@ from msgspec import to_builtins
 from msgspec.structs import asdict
 
 from lab3_usd.model.finding import Crash, Finding, NodeCoverage, Report, Requirement
-from lab3_usd.report.entries import Summary, fault_id, severity_counts, summarize
+from lab3_usd.report.entries import (
+    FINDING_FIELDS,
+    Summary,
+    fault_id,
+    severity_counts,
+    summarize,
+)
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
 from lab3_usd.report.safe_text import json_text, truncated_values
 
@@ -120,23 +126,8 @@ def error_report(message: str, kind: Literal["usage", "crash"]) -> Json:
 
 def finding_json(finding: Finding) -> Json:
     """Return one finding as plain data; what is unknown is null, a repair is there or not."""
-    document = {
-        "rule": finding.rule,
-        "name": finding.name,
-        "severity": finding.severity,
-        "prim": finding.prim,
-        "property": finding.property,
-        "message": finding.message,
-        "expected": finding.expected,
-        "actual": finding.actual,
-        "layer": finding.layer,
-        "line": finding.line,
-        "column": finding.column,
-        "handout": finding.handout,
-        "hint": finding.hint,
-        "related": list(finding.related),
-        "fault": fault_id(finding),
-    }
+    document: Json = {name: getattr(finding, name) for name in FINDING_FIELDS}
+    document |= {"related": list(finding.related), "fault": fault_id(finding)}
     if finding.fix is not None:
         document["fix"] = truncated_values(to_builtins(finding.fix))
     return document
@@ -148,4 +139,4 @@ def _head() -> Json:
 
 def _add_crashes(document: Json, crashes: tuple[Crash, ...]) -> None:
     if crashes:
-        document["crashes"] = [{"rule": crash.rule, "error": crash.error} for crash in crashes]
+        document["crashes"] = [*map(asdict, crashes)]

@@ -15,9 +15,8 @@ from lab3_usd.report.entries import (
     crashes,
     entries,
     fingerprinted,
-    gaps,
-    hidden,
     relative_path,
+    remarks,
     site,
 )
 from lab3_usd.report.options import NAME, Options, Rules, tool_version
@@ -39,32 +38,18 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     names = dict(sorted(names.items()))
     index = {rule_id: position for position, rule_id in enumerate(names)}
     manuals = rules or {}
-    notifications = [
-        {
-            "level": "error",
-            "message": sarif_message(f"rule {crash.rule} crashed: {crash.error}"),
-            "associatedRule": {"id": crash.rule},
-            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
+    notifications: list[Json] = []
+    for remark in remarks(report):
+        place = {"physicalLocation": {"artifactLocation": file_uri(remark.path, options.root)}}
+        notification = {
+            "level": remark.severity,
+            "message": sarif_message(remark.sentence),
+            "locations": [place],
         }
-        for path, crash in crashes(report)
-    ]
-    invocation: Json = {"executionSuccessful": not notifications}
-    notifications += [
-        {
-            "level": "warning",
-            "message": sarif_message(f"not judged: {gap}"),
-            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
-        }
-        for path, gap in gaps(report)
-    ]
-    notifications += [
-        {
-            "level": "note",
-            "message": sarif_message(text),
-            "locations": [{"physicalLocation": {"artifactLocation": file_uri(path, options.root)}}],
-        }
-        for path, text in hidden(report)
-    ]
+        if remark.rule:
+            notification["associatedRule"] = {"id": remark.rule}
+        notifications.append(notification)
+    invocation: Json = {"executionSuccessful": not any(crashes(report))}
     if notifications:
         invocation["toolExecutionNotifications"] = notifications
     driver = {
