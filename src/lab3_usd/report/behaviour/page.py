@@ -6,7 +6,7 @@ Each graph is drawn with how often its nodes computed.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path, PurePath
 
 from markupsafe import Markup
@@ -30,16 +30,9 @@ from lab3_usd.report.behaviour.text import (
     rate,
     sum_text,
 )
-from lab3_usd.report.html.templates import (
-    asset_text,
-    content_policy,
-    jinja_environment,
-    own_markup,
-    palette_style,
-)
-from lab3_usd.report.options import NAME, tool_version
+from lab3_usd.report.html.templates import fill_page, own_markup
 from lab3_usd.report.picture.model import Box, port_id
-from lab3_usd.report.picture.svg import stylesheet, svg
+from lab3_usd.report.picture.svg import svg
 from lab3_usd.report.pictures.graph_picture import stage_pictures
 from lab3_usd.report.pictures.tf_picture import published_frames_picture
 from lab3_usd.report.tf_tree import FAULT, TreeReport, as_lines
@@ -156,69 +149,51 @@ def render(
 
     `findings` are what the rules say of the stage: they know the repair of what failed.
     """
-    style = (
-        palette_style() + asset_text("sim.css") + asset_text("maps.css") + asset_text("picture.css")
-    )
-    style += stylesheet()
-    script = asset_text("picture.js") + asset_text("sim.js")
     plays = list(_plays(behaviour, replays))
-    computed = _computed(replays.values())
+    computed: Counter[str] = Counter()  # how often each node did, in all plays
+    for replay in replays.values():
+        computed.update(replay.computed)
     checks = sorted(behaviour.checks, key=lambda check: list(VERDICTS).index(check.verdict))
     rule_of = rules_named(behaviour, findings)
     failing = list(_failed_checks(checks, findings))
-    drawn = (
+    graphs = (
         []
         if behaviour.recording
-        else _graph_drawings(Path(behaviour.stage), lab, computed, failing)
+        else list(_graph_drawings(Path(behaviour.stage), lab, computed, failing))
     )
-    graphs = list(drawn)
     edges = list(heard_edges(behaviour, plays[0].replay if plays else None))
     tops = _tops(behaviour)
-    return (
-        jinja_environment()
-        .get_template("sim.html.j2")
-        .render(
-            style=own_markup(style),
-            script=own_markup(script),
-            policy=content_policy(style, script),
-            behaviour=behaviour,
-            what=WHAT_A_RECORDING_IS if behaviour.recording else WHAT_IT_IS,
-            name=PurePath(behaviour.recording or behaviour.stage).name,
-            passed=passed_texts(behaviour),
-            verdicts=VERDICTS,
-            failing=failing,
-            others=[check for check in checks if check.verdict != "bad"],
-            nodes={prim: element for graph in graphs for prim, element in graph.nodes.items()},
-            faulty=[
-                graph.path
-                for graph in graphs
-                if any(failed.check.prim in graph.nodes for failed in failing)
-            ],
-            rule_of=rule_of,
-            only_shown="" if behaviour.recording else ONLY_SHOWN,
-            rate=rate,
-            summary=sum_text(behaviour),
-            plays=plays,
-            fit=behaviour.fit,
-            on_map=own_markup(map_svg(behaviour.fit)) if behaviour.fit is not None else "",
-            chart=lambda replay: own_markup(chart_svg(replay)),
-            places=cursor_places,
-            tree=tree_lines(edges, tops),
-            tree_picture=own_markup(svg(published_frames_picture(edges, tops=tops), "tf-"))
-            if edges
-            else "",
-            graphs=graphs,
-            tool=f"{NAME} {tool_version()}",
-        )
+    return fill_page(
+        "sim.html.j2",
+        ("sim.css", "maps.css", "picture.css", "picture.js", "sim.js"),
+        behaviour=behaviour,
+        what=WHAT_A_RECORDING_IS if behaviour.recording else WHAT_IT_IS,
+        name=PurePath(behaviour.recording or behaviour.stage).name,
+        passed=passed_texts(behaviour),
+        verdicts=VERDICTS,
+        failing=failing,
+        others=[check for check in checks if check.verdict != "bad"],
+        nodes={prim: element for graph in graphs for prim, element in graph.nodes.items()},
+        faulty=[
+            graph.path
+            for graph in graphs
+            if any(failed.check.prim in graph.nodes for failed in failing)
+        ],
+        rule_of=rule_of,
+        only_shown="" if behaviour.recording else ONLY_SHOWN,
+        rate=rate,
+        summary=sum_text(behaviour),
+        plays=plays,
+        fit=behaviour.fit,
+        on_map=own_markup(map_svg(behaviour.fit)) if behaviour.fit is not None else "",
+        chart=lambda replay: own_markup(chart_svg(replay)),
+        places=cursor_places,
+        tree=tree_lines(edges, tops),
+        tree_picture=own_markup(svg(published_frames_picture(edges, tops=tops), "tf-"))
+        if edges
+        else "",
+        graphs=graphs,
     )
-
-
-def _computed(replays: Iterable[Replay]) -> dict[str, int]:
-    """Return how often each node computed in all plays."""
-    counts: Counter[str] = Counter()
-    for replay in replays:
-        counts.update(replay.computed)
-    return counts
 
 
 def _failed_checks(checks: Sequence[Check], findings: Sequence[Finding]) -> Iterator[FailedCheck]:

@@ -8,12 +8,10 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from itertools import groupby
 from typing import Any, Protocol
 
-from markupsafe import Markup
 from msgspec import Struct
 
 from lab3_usd.model.grade import ADJUSTED, REMARK
-from lab3_usd.report.html.templates import asset_text, content_policy, jinja_environment
-from lab3_usd.report.options import NAME, tool_version
+from lab3_usd.report.html.templates import jinja_environment, page_values
 
 STUDENTS, SHARED, REPORT = "students", "reports", "report.html"
 BIN = 10  # per cent
@@ -80,7 +78,6 @@ def class_page(
     lost = losses(rows)
     students = [(row["percent"], row["name"] not in {"", row["student"]}) for row in rows]
     percents = [percent for percent, _ in students if percent is not None]
-    style, script = (asset_text(name) for name in ("class.css", "class.js"))
     page = jinja_environment().get_template("class.html.j2").stream(
         title=title,
         rows=rows,
@@ -100,10 +97,7 @@ def class_page(
         median=statistics.median(percents) if percents else None,
         mean=statistics.fmean(percents) if percents else None,
         report=_report_of,
-        style=Markup(style),  # noqa: S704 - a file of this package
-        script=Markup(script),  # noqa: S704
-        policy=content_policy(style, script),
-        tool=f"{NAME} {tool_version()}",
+        **page_values("class.css", "class.js"),
     )  # fmt: skip
     page.enable_buffering(_PIECES)
     yield from page

@@ -17,7 +17,7 @@ from lab3_usd.report.html.model import (
 )
 from lab3_usd.report.html.pictures import gallery, topic_rows
 from lab3_usd.report.html.templates import fill_page
-from lab3_usd.report.options import NAME, Options, Rules, tool_version
+from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.topic_table import COLUMNS
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -38,9 +38,10 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
     views = tuple(_view(block, lab, options) for block in blocks(report, lab, graded=graded))
     names = {card.fault.finding.rule for view in views for card in view.cards}
     quoted = [rules[name] for name in sorted(names) if name in rules] if rules else []
+    maps = ("maps.css",) if report.dry_runs else ()
     return fill_page(
         "report.html.j2",
-        more_style="maps.css" if report.dry_runs else "",
+        ("report.css", *maps, "picture.css", "picture.js", "report.js"),
         dry_runs=report.dry_runs,
         views=views,
         lab_title=lab.title,
@@ -53,7 +54,6 @@ def render(report: Report, rules: Rules | None, options: Options) -> str:
         plural=plural,
         editor=options.editor,
         editor_link=editor_link,
-        tool=f"{NAME} {tool_version()}",
     )
 
 

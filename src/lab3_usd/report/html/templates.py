@@ -15,6 +15,7 @@ import jinja2
 from markupsafe import Markup, escape
 
 from lab3_usd.data import program
+from lab3_usd.report.options import NAME, tool_version
 from lab3_usd.report.picture.svg import PALETTES, stylesheet
 from lab3_usd.report.safe_text import visible
 
@@ -25,24 +26,33 @@ _CODE = re.compile(r"`([^`]+)`")
 _LONG, _LINE = 20, 32  # letters of a word that may not fit into a line, and of a short line
 
 
-def fill_page(template: str, more_style: str = "", **values: object) -> str:
-    """Return a template with its values, and the page's style, script and policy.
+def fill_page(template: str, assets: tuple[str, ...], **values: object) -> str:
+    """Return a template with its values, and the styles and scripts of these files."""
+    return jinja_environment().get_template(template).render(**page_values(*assets), **values)
 
-    `more_style` is the file of another style that the page needs.
+
+@lru_cache(maxsize=4)
+def page_values(*assets: str) -> Mapping[str, object]:
+    """Return what every page has: style, script, the policy that allows them, and our version.
+
+    A page with the style of pictures has their colours as well. The policy allows nothing from
+    anywhere, our style and script as they are, and the picture in the browser's tab, which is data.
     """
-    return jinja_environment().get_template(template).render(**_common_values(more_style), **values)
-
-
-@lru_cache(maxsize=2)
-def _common_values(more_style: str) -> Mapping[str, object]:
-    """Return the values of every page: style, script, and the policy that allows them."""
-    style = palette_style() + asset_text("report.css") + asset_text("picture.css") + stylesheet()
-    style += asset_text(more_style) if more_style else ""
-    script = asset_text("picture.js") + asset_text("report.js")
+    style, script = (
+        "".join(asset_text(name) for name in assets if name.endswith(ending))
+        for ending in (".css", ".js")
+    )
+    if "picture.css" in assets:
+        style = palette_style() + style + stylesheet()
+    policy = ["default-src 'none'", "img-src data:", "base-uri 'none'", "form-action 'none'"]
+    for kind, text in (("style", style), ("script", script)):
+        digest = b64encode(sha256(text.encode()).digest()).decode()
+        policy.append(f"{kind}-src 'sha256-{digest}'")
     return {
         "style": own_markup(style),
         "script": own_markup(script),
-        "policy": content_policy(style, script),
+        "policy": "; ".join(policy),
+        "tool": f"{NAME} {tool_version()}",
     }
 
 
@@ -147,15 +157,3 @@ def palette_style() -> str:
         for theme in ("light", "dark")
     )
     return f":root{{{light}}}@media screen and (prefers-color-scheme:dark){{:root{{{dark}}}}}\n"
-
-
-def content_policy(style: str, script: str) -> str:
-    """Return the content security policy: nothing from anywhere, our style and script as they are.
-
-    The picture in the browser's tab is data in the page itself.
-    """
-    parts = ["default-src 'none'", "img-src data:", "base-uri 'none'", "form-action 'none'"]
-    for kind, text in (("style", style), ("script", script)):
-        digest = b64encode(sha256(text.encode()).digest()).decode()
-        parts.append(f"{kind}-src 'sha256-{digest}'")
-    return "; ".join(parts)
