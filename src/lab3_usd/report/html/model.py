@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from itertools import groupby
 from pathlib import Path
 from urllib.parse import quote
 
@@ -119,17 +118,10 @@ class PagePicture(Struct, frozen=True):
     lines: tuple[str, ...] = ()
 
 
-class ExcerptLine(Struct, frozen=True):
-    """One line of a code frame: the gutter, the text, and whether it is the line of the fault."""
-
-    gutter: str
-    text: str
-    is_hit: bool
-
-
 class Card(Struct, frozen=True):
     """A fault as it is shown, with its code frame and its places in the pictures.
 
+    Of a line of the frame, there are the gutter, the text, and whether it is that of the fault.
     `command` is what to type where the report was made, or in the graded folder, to have it
     repaired; empty where nothing repairs it.
     """
@@ -137,49 +129,12 @@ class Card(Struct, frozen=True):
     fault: ReportedFault
     span: str
     command: str = ""
-    excerpt: tuple[ExcerptLine, ...] = ()
+    excerpt: tuple[tuple[str, str, bool], ...] = ()
     links: tuple[PortLink, ...] = ()
 
 
-class Section(Struct, frozen=True):
-    """The faults against one section of the handout."""
-
-    name: str
-    cards: tuple[Card, ...]
-
-
-class Chapter(Struct, frozen=True):
-    """The sections of one part of the handout."""
-
-    title: str
-    sections: tuple[Section, ...]
-
-
-class Rank(Struct, frozen=True):
-    """The chapters of one severity; what was not opened stands before all, without one."""
-
-    severity: Severity | None
-    chapters: tuple[Chapter, ...]
-
-    @property
-    def cards(self) -> tuple[Card, ...]:
-        """Every card, in the order of the page."""
-        sections = (section for chapter in self.chapters for section in chapter.sections)
-        return tuple(card for section in sections for card in section.cards)
-
-
-class Topic(Struct, frozen=True):
-    """One row of the topic table, and the stages that have it."""
-
-    cells: tuple[str, ...]
-    stages: Stages
-
-
-class ChecklistSection(Struct, frozen=True):
-    """The lines of the handout's checklist for one section."""
-
-    name: str
-    items: tuple[ChecklistItem, ...]
+# The cards by severity (None of what was not opened), part and section of the handout.
+Ranks = Mapping[Severity | None, Mapping[str, Mapping[str, Sequence[Card]]]]
 
 
 def _left_out(stage: Stage) -> Iterator[str]:
@@ -192,15 +147,18 @@ def _left_out(stage: Stage) -> Iterator[str]:
 class BlockView(Struct, frozen=True):
     """Everything that the page shows of one block; `to_come` says which stages are not begun.
 
-    `following` is the next step in a folder that is worked on.
+    `topics` are the rows of the table of topics, with the stages that have each, `checks` the lines
+    of the handout's checklist by section. `following` is the next step in a folder that is worked
+    on.
     """
 
     block: Block
-    ranks: tuple[Rank, ...]
+    cards: tuple[Card, ...]
+    ranks: Ranks
     graphs: tuple[PagePicture, ...]
     trees: tuple[PagePicture, ...]
-    topics: tuple[Topic, ...]
-    checks: tuple[ChecklistSection, ...]
+    topics: Mapping[tuple[str, ...], Stages]
+    checks: Mapping[str, Sequence[ChecklistItem]]
     to_come: str
     following: str
     crashes: tuple[tuple[str, Crash], ...]
@@ -225,11 +183,6 @@ class BlockView(Struct, frozen=True):
             for text in _left_out(stage)
         )
 
-    @property
-    def cards(self) -> tuple[Card, ...]:
-        """Every card, in the order of the page."""
-        return tuple(card for rank in self.ranks for card in rank.cards)
-
     def count(self, severity: Severity) -> int:
         """Return how many different faults of one severity there are."""
         return sum(card.fault.finding.severity == severity for card in self.cards)
@@ -249,13 +202,13 @@ def cards(
     """Yield a card for each fault, with the lines of its file where those can be read."""
     excerpts = read_excerpts(fault.finding for fault in faults[:MOST_EXCERPTS])
     for fault in faults:
-        frame: list[ExcerptLine] = []
+        frame: list[tuple[str, str, bool]] = []
         finding = fault.finding
         excerpt = excerpts.get((finding.layer or "", finding.line or 0))
         if excerpt is not None and finding.line:
             for row in excerpt_lines(excerpt, finding.line, finding.column, EXCERPT_WIDTH):
                 gutter, bar, text = row.partition(" |")
-                frame.append(ExcerptLine(gutter + bar, text, is_hit=row.startswith(">")))
+                frame.append((gutter + bar, text, row.startswith(">")))
         command = "" if finding.fix is None else _fix_command(block, fault, options)
         span, ways = block.span(fault.stages), links.get(fault.id, ())
         yield Card(fault, span, command, tuple(frame), ways)
@@ -285,29 +238,19 @@ def editor_link(spot: Spot) -> str:
     return f"vscode://file{quote(rooted, safe='/:')}:{numbers}"
 
 
-def ranked_cards(page_cards: Sequence[Card], lab: Lab) -> tuple[Rank, ...]:
+def ranked_cards(page_cards: Iterable[Card], lab: Lab) -> Ranks:
     """Group cards, which are in order already, by severity, part and section of the handout."""
     titles: dict[str, list[str]] = {}
     for checkpoint in lab.checkpoints.values():
         titles.setdefault(checkpoint.part, []).append(checkpoint.title)
-
-    def severity_of(card: Card) -> Severity | None:
-        return None if card.fault.is_cause else card.fault.finding.severity
-
-    return tuple(
-        Rank(severity, tuple(_chapters(members, titles)))
-        for severity, members in groupby(page_cards, key=severity_of)
-    )
-
-
-def _chapters(members: Iterable[Card], titles: Mapping[str, list[str]]) -> Iterator[Chapter]:
-    parts: dict[str, dict[str, list[Card]]] = {}
-    for card in members:
-        name = card.fault.finding.handout or ""
-        title = "Not opened" if card.fault.is_cause else _chapter_title(name, titles)
-        parts.setdefault(title, {}).setdefault(name, []).append(card)
-    for title, sections in parts.items():
-        yield Chapter(title, tuple(Section(name, tuple(own)) for name, own in sections.items()))
+    ranks: dict[Severity | None, dict[str, dict[str, list[Card]]]] = {}
+    for card in page_cards:
+        section = card.fault.finding.handout or ""
+        severity = None if card.fault.is_cause else card.fault.finding.severity
+        chapter = "Not opened" if card.fault.is_cause else _chapter_title(section, titles)
+        sections = ranks.setdefault(severity, {}).setdefault(chapter, {})
+        sections.setdefault(section, []).append(card)
+    return ranks
 
 
 def _chapter_title(section: str, titles: Mapping[str, list[str]]) -> str:

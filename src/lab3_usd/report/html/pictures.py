@@ -9,11 +9,11 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from itertools import chain
 
-from msgspec import Struct, field
+from msgspec import Struct
 
 from lab3_usd.model.finding import SEVERITIES, Finding
 from lab3_usd.report.grouped_stages import Block, ReportedFault
-from lab3_usd.report.html.model import PagePicture, PortLink, StageContent, Topic
+from lab3_usd.report.html.model import PagePicture, PortLink, StageContent
 from lab3_usd.report.picture.canvas import LEGEND_LINE
 from lab3_usd.report.picture.model import HEADER, Box, Picture, port_id
 from lab3_usd.report.picture.svg import svg
@@ -39,13 +39,6 @@ CHARACTERS_PER_TOPIC = 800
 MOST_LINKS = 4  # from one fault, where its graph differs from stage to stage
 
 
-class Gallery(Struct, frozen=True):
-    """The pictures of a block, and the links into them by the id of each fault."""
-
-    pictures: tuple[PagePicture, ...] = ()
-    links: Mapping[str, tuple[PortLink, ...]] = field(default_factory=dict)
-
-
 class _SharedPicture(Struct, frozen=True):
     """A picture with the stages that it shows and its id on the page."""
 
@@ -57,9 +50,10 @@ class _SharedPicture(Struct, frozen=True):
 
 def gallery(
     block: Block, contents: Mapping[int, StageContent], block_faults: Sequence[ReportedFault]
-) -> Gallery:
-    """Draw every picture once; pictures without faults are the first to be left out for size.
+) -> tuple[list[PagePicture], dict[str, tuple[PortLink, ...]]]:
+    """Draw every picture once, and return the links into them by the id of each fault.
 
+    Pictures without faults are the first to be left out for size.
     Among the others, later checkpoints come first, because they include the earlier ones.
     """
     all_shared = list(_shared_pictures(block, contents))
@@ -71,11 +65,11 @@ def gallery(
     for shared in all_shared:
         targets[shared.id] = {}
         boxes = _boxes_of(shared.picture)
-        drawn_prims = (*boxes, shared.picture.path)
-        shown = {number for prim in drawn_prims for number in by_prim.get(prim, ())}
+        prims = (*boxes, shared.picture.path)
+        shown = {number for prim in prims for number in by_prim.get(prim, ())}
         for fault in map(block_faults.__getitem__, sorted(shown)):
-            target = _target_of(fault.finding, shared.picture, boxes)
-            if target is not None and set(fault.stages) & set(shared.stages):
+            if set(fault.stages) & set(shared.stages):
+                target = _target_of(fault.finding, shared.picture, boxes)
                 targets[shared.id][fault.id] = target
     faults_and_topics = CHARACTERS_PER_FAULT * len(block_faults) + CHARACTERS_PER_TOPIC * len(
         topic_rows(contents)
@@ -116,9 +110,7 @@ def gallery(
             element = f"{shared.id}-{target.id}"
             link = PortLink(element, shared.id, picture.title, shared.stages, target.view)
             links.setdefault(name, []).append(link)
-    return Gallery(
-        tuple(pictures), {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()}
-    )
+    return pictures, {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()}
 
 
 def _shared_pictures(
@@ -157,13 +149,13 @@ def _svg(
     return text.replace("<svg ", f'<svg id="{shared.id}" ', 1).replace('role="img"', role, 1)
 
 
-def topic_rows(contents: Mapping[int, StageContent]) -> tuple[Topic, ...]:
+def topic_rows(contents: Mapping[int, StageContent]) -> dict[tuple[str, ...], tuple[int, ...]]:
     """Return the rows of the topic table, each once, with the stages that have it."""
     stages: dict[tuple[str, ...], list[int]] = {}
     for index in sorted(contents):
         for cells in contents[index].topics:
             stages.setdefault(cells, []).append(index)
-    return tuple(Topic(cells, tuple(dict.fromkeys(indexes))) for cells, indexes in stages.items())
+    return {cells: tuple(dict.fromkeys(indexes)) for cells, indexes in stages.items()}
 
 
 def _boxes_of(picture: Picture) -> Mapping[str, Box]:
@@ -171,19 +163,13 @@ def _boxes_of(picture: Picture) -> Mapping[str, Box]:
     return {box.key: box for box in picture.boxes if picture.kind != "frames"}
 
 
-def _target_of(
-    finding: Finding, picture: Picture, boxes: Mapping[str, Box]
-) -> _PictureTarget | None:
-    """Return the element that marks the fault in the picture, None if there is none.
+def _target_of(finding: Finding, picture: Picture, boxes: Mapping[str, Box]) -> _PictureTarget:
+    """Return the element that marks a fault of a picture's graph or of one of its boxes.
 
     A missing node's finding lies at the graph and names the node.
     """
-    if picture.kind == "frames":
-        return None
     if finding.prim in boxes:
         return _target_in(boxes[finding.prim], finding.property, picture)
-    if finding.prim != picture.path:
-        return None
     for box in picture.boxes:
         name = re.escape(box.key.rpartition("/")[2].removesuffix("_missing"))
         if box.state == "missing" and re.search(rf"\({name}\)", finding.message):

@@ -9,7 +9,6 @@ from lab3_usd.report.entries import CHECKLIST_STATES, plural, summarize, summary
 from lab3_usd.report.grouped_stages import Block, blocks, faults, next_step, to_come_text
 from lab3_usd.report.html.model import (
     BlockView,
-    ChecklistSection,
     cards,
     editor_link,
     ranked_cards,
@@ -61,9 +60,9 @@ def _view(block: Block, lab: Lab, options: Options) -> BlockView:
     block_faults = faults(block, graded=options.grade is not None)
     models = {stage.index: read_content(stage.result, lab) for stage in block.stages}
     contents = {index: content for index, content in models.items() if content is not None}
-    shown = gallery(block, contents, block_faults)
+    pictures, links = gallery(block, contents, block_faults)
     crashes = [(stage.file, crash) for stage in block.stages for crash in stage.result.crashes]
-    sections: dict[str, list[ChecklistItem]] = {}
+    checks: dict[str, list[ChecklistItem]] = {}
     to_come = following = ""
     if block.submission is not None:
         to_come = to_come_text(block.submission.to_come, tuple(lab.checkpoints))
@@ -72,14 +71,16 @@ def _view(block: Block, lab: Lab, options: Options) -> BlockView:
         crashes += [(block.path, crash) for crash in block.submission.crashes]
         # What is still worked on has handed in nothing yet.
         for item in block.submission.checklist if block.submission.handed_in else ():
-            sections.setdefault(item.section, []).append(item)
+            checks.setdefault(item.section, []).append(item)
+    page_cards = tuple(cards(block, block_faults, links, options=options))
     return BlockView(
         block=block,
-        ranks=ranked_cards(list(cards(block, block_faults, shown.links, options=options)), lab),
-        graphs=tuple(picture for picture in shown.pictures if picture.kind != "frames"),
-        trees=tuple(picture for picture in shown.pictures if picture.kind == "frames"),
+        cards=page_cards,
+        ranks=ranked_cards(page_cards, lab),
+        graphs=tuple(picture for picture in pictures if picture.kind != "frames"),
+        trees=tuple(picture for picture in pictures if picture.kind == "frames"),
         topics=topic_rows(contents),
-        checks=tuple(ChecklistSection(name, tuple(items)) for name, items in sections.items()),
+        checks=checks,
         to_come=to_come,
         following=following,
         crashes=tuple(crashes),
