@@ -10,13 +10,12 @@ from __future__ import annotations
 
 from bisect import bisect_right, insort
 from collections.abc import Iterator, Mapping, Sequence
-from functools import lru_cache
 from graphlib import TopologicalSorter
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.report.picture.model import Bezier, Box, Curve, End, Point, port_height
+from lab3_usd.report.picture.model import Box, Curve, End, Point, port_height, port_point
 from lab3_usd.report.picture.routing import around, through
 
 Edge = tuple[str, str]
@@ -283,93 +282,48 @@ BULGE = 26.0
 Placed = tuple[tuple[Box, ...], tuple[Curve, ...]]
 
 
-class Wire(Struct, frozen=True):
-    """A wire between boxes that are named by their numbers; heights are from the top of each."""
-
-    source: End
-    leaving: float
-    target: str
-    arriving: float
-
-
-class Grid(Struct, frozen=True):
-    """The columns: left edge and width of each, and the top of each slot."""
-
-    lefts: tuple[float, ...]
-    widths: tuple[float, ...]
-    tops: Mapping[SlotKey, float]
-    rank: Mapping[str, int]
-
-
-Size = tuple[float, float]
-Place = tuple[float, float, float]  # left, top, and the width of the column
-
-
 def layered(boxes: Sequence[Box], curves: Sequence[Curve]) -> Placed:
     """Return the boxes at their places and the curves with their paths; the highest is at 0."""
-    number = {box.key: str(place) for place, box in enumerate(boxes)}
     by_key = {box.key: box for box in boxes}
-    wires = (
-        Wire(
-            End(number[curve.source.key], curve.source.port),
-            port_height(by_key[curve.source.key], curve.source.port),
-            number[curve.target.key],
-            port_height(by_key[curve.target.key], curve.target.port),
-        )
-        for curve in curves
-    )
-    places, paths = _layout(tuple((box.w, box.h) for box in boxes), tuple(wires))
-    return (
-        tuple(
-            replace(box, x=left, y=top, w=width)
-            for box, (left, top, width) in zip(boxes, places, strict=True)
-        ),
-        tuple(replace(curve, path=path) for curve, path in zip(curves, paths, strict=True)),
-    )
-
-
-@lru_cache(maxsize=64)  # graphs that differ in names alone are laid out once
-def _layout(
-    sizes: tuple[Size, ...], wires: tuple[Wire, ...]
-) -> tuple[tuple[Place, ...], tuple[tuple[Bezier, ...], ...]]:
-    """Return the places of boxes of these sizes, and the paths of the wires."""
-    by_key = {str(place): size for place, size in enumerate(sizes)}
-    keys = [*by_key]
-    edges = [(wire.source.key, wire.target) for wire in wires]
-    against = backward(keys, edges)
-    forward = [edge for place, edge in enumerate(edges) if place not in against]
-    rank = ranks(keys, forward)
-    onward = [wire for place, wire in enumerate(wires) if place not in against]
+    edges = [(curve.source.key, curve.target.key) for curve in curves]
+    against = backward([*by_key], edges)
+    rank = ranks([*by_key], [edge for place, edge in enumerate(edges) if place not in against])
+    onward = [curve for place, curve in enumerate(curves) if place not in against]
     lasts: dict[End, int] = {}  # the column of the farthest box that each output feeds
-    heights: dict[End, float] = {}
-    for wire in onward:
-        column = rank[wire.target]
-        lasts[wire.source] = max(column, lasts.get(wire.source, column))
-        heights[wire.source] = wire.leaving
-    slots = [Slot((key,), rank[key], height) for key, (_, height) in by_key.items()]
+    for curve in onward:
+        lasts[curve.source] = max(rank[curve.target.key], lasts.get(curve.source, 0))
+    slots = [Slot((key,), rank[key], box.h) for key, box in by_key.items()]
     slots += [
         Slot(_lane(end, column), column, LANE, lane=True)
         for end, last in lasts.items()
         for column in range(rank[end.key] + 1, last)
     ]
-    links = list(_links(onward, lasts, heights, rank))
+    links = list(_links(onward, lasts, by_key, rank))
     columns = ordered_columns(slots, links)
-    grid = _grid(columns, links, stacked(columns, links, GAP), by_key, rank)
-    placed: dict[str, Place] = {
-        key: (grid.lefts[rank[key]], grid.tops[(key,)], grid.widths[rank[key]]) for key in keys
-    }
+    tops = stacked(columns, links, GAP)
+    sides = _sides(columns, links, by_key)
+    placed = {}
+    for key, box in by_key.items():
+        left, right = sides[rank[key]]
+        placed[key] = replace(box, x=left, y=tops[(key,)], w=right - left)
     # The height below everything at which each output's wires run backward.
-    lowest = max((placed[key][1] + by_key[key][1] for key in keys), default=0.0)
-    lowest = max([lowest, *grid.tops.values()])
-    returning = dict.fromkeys(wires[place].source for place in sorted(against))
+    lowest = max([0.0, *tops.values(), *(box.y + box.h for box in placed.values())])
+    returning = dict.fromkeys(curves[place].source for place in sorted(against))
     lanes = {end: lowest + BELOW + LANE * number for number, end in enumerate(returning)}
-    paths = [
-        around(*_ends(wire, placed), lanes[wire.source], BULGE)
-        if place in against
-        else _forward_path(wire, placed, grid)
-        for place, wire in enumerate(wires)
-    ]
-    return tuple(placed.values()), tuple(paths)
+    drawn = []
+    for place, curve in enumerate(curves):
+        start = port_point(placed[curve.source.key], curve.source.port, leaving=True)
+        end = port_point(placed[curve.target.key], curve.target.port, leaving=False)
+        if place in against:
+            path = around(start, end, lanes[curve.source], BULGE)
+        else:  # rightward from column to column, and along its lane through each
+            way: list[Point] = [start]
+            for column in range(rank[curve.source.key] + 1, rank[curve.target.key]):
+                height = tops[_lane(curve.source, column)] + LANE / 2
+                way += [(side, height) for side in sides[column]]
+            path = through([*way, end])
+        drawn.append(replace(curve, path=path))
+    return tuple(placed[box.key] for box in boxes), tuple(drawn)
 
 
 def _lane(end: End, column: int) -> SlotKey:
@@ -377,60 +331,40 @@ def _lane(end: End, column: int) -> SlotKey:
 
 
 def _links(
-    wires: Sequence[Wire],
+    curves: Sequence[Curve],
     lasts: Mapping[End, int],
-    heights: Mapping[End, float],
+    boxes: Mapping[str, Box],
     rank: Mapping[str, int],
 ) -> Iterator[WirePiece]:
     """Yield the pieces of wire between neighbouring columns; lanes of one output are shared."""
 
     def left(end: End, column: int) -> tuple[SlotKey, float]:
         if column == rank[end.key]:
-            return (end.key,), heights[end]
+            return (end.key,), port_height(boxes[end.key], end.port)
         return _lane(end, column), LANE / 2
 
     for end, last in lasts.items():
         for column in range(rank[end.key] + 1, last):
             yield WirePiece(*left(end, column - 1), _lane(end, column), LANE / 2)
-    for wire in wires:
-        yield WirePiece(*left(wire.source, rank[wire.target] - 1), (wire.target,), wire.arriving)
+    for curve in curves:
+        target = curve.target
+        arriving = port_height(boxes[target.key], target.port)
+        yield WirePiece(*left(curve.source, rank[target.key] - 1), (target.key,), arriving)
 
 
-def _grid(
-    columns: Columns,
-    links: Sequence[WirePiece],
-    tops: Mapping[SlotKey, float],
-    sizes: Mapping[str, Size],
-    rank: Mapping[str, int],
-) -> Grid:
+def _sides(
+    columns: Columns, links: Sequence[WirePiece], boxes: Mapping[str, Box]
+) -> list[tuple[float, float]]:
+    """Return the left and the right edge of each column."""
     crowd = [0] * len(columns)
     home = {slot.key: slot.rank for column in columns for slot in column}
     for link in links:
         crowd[home[link.left]] += 1
-    widths = tuple(
-        max((sizes[slot.key[0]][0] for slot in column if not slot.lane), default=0.0)
-        for column in columns
-    )
-    lefts = []
+    sides = []
     left = 0.0
-    for width, wires in zip(widths, crowd, strict=True):
-        lefts.append(left)
-        left += width + min(BETWEEN + PER_WIRE * wires, MOST_BETWEEN)
-    return Grid(tuple(lefts), widths, tops, rank)
-
-
-def _forward_path(wire: Wire, placed: Mapping[str, Place], grid: Grid) -> tuple[Bezier, ...]:
-    """Return the way rightward: from column to column, and along its lane through each."""
-    start, end = _ends(wire, placed)
-    way: list[Point] = [start]
-    for column in range(grid.rank[wire.source.key] + 1, grid.rank[wire.target]):
-        height = grid.tops[_lane(wire.source, column)] + LANE / 2
-        left = grid.lefts[column]
-        way += [(left, height), (left + grid.widths[column], height)]
-    return through([*way, end])
-
-
-def _ends(wire: Wire, placed: Mapping[str, Place]) -> tuple[Point, Point]:
-    left, top, width = placed[wire.source.key]
-    to_left, to_top, _ = placed[wire.target]
-    return (left + width, top + wire.leaving), (to_left, to_top + wire.arriving)
+    for column, wires in zip(columns, crowd, strict=True):
+        widths = (boxes[slot.key[0]].w for slot in column if not slot.lane)
+        right = left + max(widths, default=0.0)
+        sides.append((left, right))
+        left = right + min(BETWEEN + PER_WIRE * wires, MOST_BETWEEN)
+    return sides
