@@ -13,7 +13,8 @@ from msgspec.structs import replace
 from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import Edge
 from lab3_usd.facts.tree import frame_faults, tree_of
-from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_dot, tree_json
+from lab3_usd.report.pictures.tf_picture import published_frames_picture
+from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_json
 from lab3_usd.stage.write.builder import build_checkpoint
 
 
@@ -61,7 +62,6 @@ def test_a_static_transform_says_so() -> None:
 def test_a_transform_that_may_be_sent_says_so() -> None:
     report = TreeReport("x", (Edge("a", "b", "/g/p", "/g/p", "/tf", sure=False),))
     assert list(as_lines(report)) == ["a", "└── b  (perhaps)"]
-    assert "style=dotted" in tree_dot(report)
     assert json.loads(tree_json(report))["transforms"][0]["sure"] is False
 
 
@@ -147,11 +147,8 @@ def test_roots_that_unknown_frames_may_join_are_not_called_too_many() -> None:
     assert any("roots" in line for line in text("odom base", "arm hand"))
 
 
-def test_unknown_frames_are_grey_in_dot_and_listed_in_json() -> None:
+def test_unknown_frames_are_listed_in_json() -> None:
     report = TreeReport("x.usda", edges("odom base"), hidden=(LINKS, FRAME))
-    assert '"base" -> "links of /robot: asset not found" [style=dashed, color=gray];' in tree_dot(
-        report
-    )
     found = json.loads(tree_json(report))["unknown_frames"]
     assert [(each["prim"], each["links"], each["asset"]) for each in found] == [
         ("/robot", True, "robot.usd"),
@@ -161,25 +158,24 @@ def test_unknown_frames_are_grey_in_dot_and_listed_in_json() -> None:
 
 def test_frame_names_cannot_write_to_the_terminal() -> None:
     report = TreeReport("x", edges("a \x1b[2J"))
-    assert "\x1b" not in "\n".join(as_lines(report)) + tree_dot(report) + tree_json(report)
+    assert "\x1b" not in "\n".join(as_lines(report)) + tree_json(report)
 
 
-def test_dot_marks_faults_and_quotes_names() -> None:
-    dot = tree_dot(TreeReport("x", edges('a b"', 'x b"')))
-    assert '"b\\"" [color=red];' in dot
-    assert dot.count("color=red") == 3
+def test_the_picture_marks_what_the_lines_mark() -> None:
+    reserved = TreeReport("x", edges("world odom", "odom base"), reserved={"odom": "AMCL"})
+    curves = published_frames_picture(reserved).curves
+    assert [curve.target.key for curve in curves if curve.state == "wrong"] == ["odom"]
+    apart = TreeReport("x", edges("odom base", "base arm", "camera lens"))
+    top = next(box for box in published_frames_picture(apart).boxes if box.key == "camera")
+    assert (top.state, top.subtitle) == ("warned", "not connected to odom")
 
 
-def test_a_tree_that_nothing_connects_is_marked_in_dot_and_a_problem_in_json() -> None:
+def test_a_tree_that_nothing_connects_is_a_problem_in_json() -> None:
     report = TreeReport("x", edges("odom base", "base arm", "camera lens"))
-    dot = tree_dot(report).splitlines()
-    assert '  "camera" [color=orange, label="camera: not connected to odom"];' in dot
-    assert [line for line in dot if "orange" in line] == dot[6:7]
     assert json.loads(tree_json(report))["problems"] == [
         {"frame": "camera", "kind": "another tree", "message": "not connected to odom"}
     ]
     unsure = replace(report, hidden=(LINKS,))  # which may connect them
-    assert "orange" not in tree_dot(unsure)
     assert json.loads(tree_json(unsure))["problems"] == []
 
 

@@ -18,6 +18,7 @@ from lab3_usd.model.dry_run import Behaviour, Frame
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.behaviour.map_pictures import first_moment
 from lab3_usd.report.behaviour.page import heard_edges, render, tree_lines
+from lab3_usd.report.tf_tree import TreeReport
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.sim.outcome import DryRun
 
@@ -249,7 +250,7 @@ def test_a_tree_that_nothing_connects_is_marked() -> None:
 def shown_tree(*pairs: tuple[str, str]) -> list[tuple[str, bool]]:
     frames = tuple(Frame(*pair, static=len(pairs) == 1) for pair in pairs)
     behaviour = Behaviour("robot.usd", "", 1.0, "ok", frames=frames)
-    return tree_lines([*heard_edges(behaviour, None)])
+    return tree_lines(TreeReport("", tuple(heard_edges(behaviour, None))))
 
 
 def test_it_loads_without_a_complaint_and_asks_for_nothing(chromium: Browser, page: Path) -> None:

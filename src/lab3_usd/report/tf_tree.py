@@ -1,4 +1,4 @@
-"""The TF tree of a stage as text for people, as dot for drawing and as JSON for programs."""
+"""The TF tree of a stage as text for people and as JSON for programs."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from msgspec.structs import asdict
 from lab3_usd.facts.frame_targets import UnresolvedFrames
 from lab3_usd.facts.frames import Edge, HeardTree, trees_of
 from lab3_usd.facts.tree import FrameFault, Tree, frame_faults
-from lab3_usd.report.safe_text import dot_string, printable, truncated_values
+from lab3_usd.report.safe_text import printable, truncated_values
 
 FAULT = "  ! "  # before what is wrong with a frame
 
@@ -22,7 +22,7 @@ class TreeReport(Struct, frozen=True):
 
     `reserved` are the frames that only something outside the stage may place, with its name, and
     `hidden` those that only a missing asset could define. `rates` say how often each publisher
-    sends, by its path.
+    sends, by its path. `tops` are the frames at the top of the trees of robots.
     """
 
     path: str
@@ -46,21 +46,24 @@ class TreeReport(Struct, frozen=True):
     @property
     def faults(self) -> list[FrameFault]:
         """What tf2 cannot make a tree of, and the tops of trees that nothing connects."""
-        return [
-            fault
-            for heard in self.heard
-            for fault in (*frame_faults(heard.tree, self.reserved), *self.islands(heard))
-        ]
+        faults: list[FrameFault] = []
+        for heard in self.heard:
+            islands, main = self.islands(heard)
+            faults += frame_faults(heard.tree, self.reserved)
+            faults += (
+                FrameFault(top, "another tree", f"not connected to {main}")
+                for top in dict.fromkeys(islands.values())
+            )
+        return faults
 
-    def islands(self, heard: HeardTree) -> list[FrameFault]:
-        """Return the tops of trees that nothing connects with the largest.
+    def islands(self, heard: HeardTree) -> tuple[dict[str, str], str]:
+        """Return frames of trees that nothing connects with the largest, with their tops, and its.
 
         There are none where frames are unknown, which may connect them.
         """
         islands = {} if self.hidden else heard.tree.islands
         main = next((top for top in heard.tree.roots if top not in islands), "")
-        tops = [top for top in dict.fromkeys(islands.values()) if top not in self.tops]
-        return [FrameFault(top, "another tree", f"not connected to {main}") for top in tops]
+        return {frame: top for frame, top in islands.items() if top not in self.tops}, main
 
     def how(self, publisher: str, topic: str) -> str:
         """Return the publisher of a transform, its topic and its rate, in words."""
@@ -142,40 +145,6 @@ def _rows(parent: str, lead: str, children: dict[str, list[Edge]]) -> list[tuple
     """Return the children of a frame in reverse, to be taken from the end."""
     below = children.get(parent, [])
     return [(edge, lead, edge is below[-1]) for edge in reversed(below)]
-
-
-def tree_dot(report: TreeReport) -> str:
-    """Return the tree for Graphviz: each edge is labelled with its publisher, faults are red.
-
-    The tops of further trees are orange, and say so. What cannot be known is grey. Frames of one
-    name that different listeners hear are different.
-    """
-    lines = ["digraph tf {", "  node [shape=box, fontname=sans];", "  edge [fontname=sans];"]
-    trees = report.heard
-    for heard in trees:
-        where = f" ({tree_name(heard, trees)})" if len(trees) > 1 else ""
-        wrong = {fault.frame for fault in frame_faults(heard.tree, report.reserved)}
-        apart = {fault.frame: fault.message for fault in report.islands(heard)}
-        edges = heard.tree.edges
-        names = dict.fromkeys(name for edge in edges for name in (edge.parent, edge.child))
-        for name in names:
-            style = ["color=red"] if name in wrong else ["color=orange"] if name in apart else []
-            if name in apart:
-                style.append(f"label={dot_string(f'{name}{where}: {apart[name]}')}")
-            listed = f" [{', '.join(style)}]" if style else ""
-            lines.append(f"  {dot_string(name + where)}{listed};")
-        for edge in edges:
-            style = [f"label={dot_string('/'.join(edge.publisher.split('/')[-2:]))}"]
-            style += [f"tooltip={dot_string(edge.publisher)}"]
-            style += ["color=red"] if edge.child in wrong else []
-            style += ["style=dashed"] if edge.static else [] if edge.sure else ["style=dotted"]
-            ends = f"{dot_string(edge.parent + where)} -> {dot_string(edge.child + where)}"
-            lines.append(f"  {ends} [{', '.join(style)}];")
-    for hidden in report.hidden:
-        name = dot_string(f"{hidden.what}: asset not found")
-        lines.append(f"  {name} [style=dashed, color=gray];")
-        lines.append(f"  {dot_string(hidden.parent)} -> {name} [style=dashed, color=gray];")
-    return "\n".join([*lines, "}"])
 
 
 def tree_json(report: TreeReport) -> str:

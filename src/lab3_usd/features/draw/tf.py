@@ -42,8 +42,9 @@ def command(stage: Path, asked: PublishedOptions) -> None:
         trees_of,
     )
     from lab3_usd.pipeline.stage import checkpoint_of
+    from lab3_usd.report.picture.flowcharts import graphviz
     from lab3_usd.report.pictures.tf_picture import published_frames_picture
-    from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_dot, tree_json
+    from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_json
     from lab3_usd.spec.load.loader import load_lab
 
     ros, not_judged = read_published(stage, asked)
@@ -51,18 +52,19 @@ def command(stage: Path, asked: PublishedOptions) -> None:
     edges, hidden = all_edges(model), all_unresolved_frames(model)
     rates = {end.node.path: end.rate for end in endpoints(model)}
     tops = frozenset(top for heard in trees_of(edges) for top in known_tops(heard, model))
-    if asked.picture is not None:
-        picture = published_frames_picture(edges, hidden, rates, not_judged, tops)
-        write_published(picture, asked.picture, force=asked.force)
-        return
     sent = published_transforms(model)
     unknown = tuple(each.publisher.path for each in sent if each.edges is None)
     lab = load_lab()
     # What a lab leaves to others, any other stage may place.
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates, tops)
-    if asked.form == "text":
+    if asked.picture is not None:
+        picture = published_frames_picture(tree, not_judged)
+        write_published(picture, asked.picture, force=asked.force)
+    elif asked.form == "text":
         lines = as_lines(tree, terminal_width(), verbose=asked.verbose)
         print_published(lines, ros, not_judged, mark="? ")
+    elif asked.form == "dot":
+        click.echo(graphviz(published_frames_picture(tree, not_judged)), nl=False)
     else:
-        click.echo(tree_dot(tree) if asked.form == "dot" else tree_json(tree))
+        click.echo(tree_json(tree))

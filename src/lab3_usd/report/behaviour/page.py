@@ -161,8 +161,8 @@ def render(
         if behaviour.recording
         else list(_graph_drawings(Path(behaviour.stage), lab, computed, failing))
     )
-    edges = list(heard_edges(behaviour, plays[0].replay if plays else None))
-    tops = _tops(behaviour)
+    edges = tuple(heard_edges(behaviour, plays[0].replay if plays else None))
+    tree = TreeReport("", edges, tops=_tops(behaviour))
     return fill_page(
         "sim.html.j2",
         ("sim.css", "maps.css", "picture.css", "picture.js", "sim.js"),
@@ -188,10 +188,8 @@ def render(
         on_map=own_markup(map_svg(behaviour.fit)) if behaviour.fit is not None else "",
         chart=lambda replay: own_markup(chart_svg(replay)),
         places=cursor_places,
-        tree=tree_lines(edges, tops),
-        tree_picture=own_markup(svg(published_frames_picture(edges, tops=tops), "tf-"))
-        if edges
-        else "",
+        tree=tree_lines(tree),
+        tree_picture=own_markup(svg(published_frames_picture(tree), "tf-")) if edges else "",
         graphs=graphs,
     )
 
@@ -231,9 +229,9 @@ def _tops(behaviour: Behaviour) -> frozenset[str]:
     return frozenset(parents - children if is_right else ())
 
 
-def tree_lines(edges: Sequence[Edge], tops: frozenset[str] = frozenset()) -> list[tuple[str, bool]]:
+def tree_lines(tree: TreeReport) -> list[tuple[str, bool]]:
     """Return the lines of the TF trees, and whether each says that something is wrong."""
-    lines = as_lines(TreeReport("", tuple(edges), tops=tops)) if edges else ()
+    lines = as_lines(tree) if tree.edges else ()
     return [(line, line.startswith("! ") or FAULT in line) for line in lines]
 
 

@@ -43,6 +43,7 @@ from lab3_usd.report.pictures.node_boxes import (
     wire_ends,
 )
 from lab3_usd.report.pictures.tf_picture import frames_picture, published_frames_picture
+from lab3_usd.report.tf_tree import TreeReport
 from lab3_usd.spec.contradictions.names import transform_topics
 from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -357,9 +358,9 @@ def linted_pictures(
 
 def _published_trees(stage: StageModel) -> Iterator[Picture]:
     """Yield the picture of the trees of a stage that no lab asks for, if it publishes any."""
-    edges, hidden = all_edges(stage), all_unresolved_frames(stage)
-    if edges or hidden:
-        yield published_frames_picture(edges, hidden)
+    tree = TreeReport("", all_edges(stage), hidden=all_unresolved_frames(stage))
+    if tree.edges or tree.hidden:
+        yield published_frames_picture(tree)
 
 
 def _part_of(roles: Roles, matched: Mapping[str, Roles]) -> GraphModel | None:

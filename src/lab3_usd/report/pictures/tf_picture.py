@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from functools import lru_cache
 from types import MappingProxyType
 
 from msgspec import Struct
 
 from lab3_usd.facts.frame_targets import UnresolvedFrames
-from lab3_usd.facts.frames import Edge, trees_of
+from lab3_usd.facts.frames import Edge
 from lab3_usd.facts.tree import Tree, frame_faults, tree_of
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import Placed, layered
@@ -25,7 +25,7 @@ from lab3_usd.report.picture.model import (
     sized,
     state_word,
 )
-from lab3_usd.report.tf_tree import tree_name
+from lab3_usd.report.tf_tree import TreeReport, tree_name
 from lab3_usd.spec.lab import FrameSpec, LocalizationSpec
 
 Pair = tuple[str, str]
@@ -85,25 +85,16 @@ def frames_picture(
     return _picture("TF", _counts_text(branches), branches, judged=True)
 
 
-def published_frames_picture(
-    edges: Sequence[Edge],
-    hidden: Sequence[UnresolvedFrames] = (),
-    rates: Mapping[str, str] = MappingProxyType({}),
-    not_judged: str = "",
-    tops: Collection[str] = (),
-) -> Picture:
+def published_frames_picture(report: TreeReport, not_judged: str = "") -> Picture:
     """Return the tree of any stage; transforms that tf2 rejects, and further trees, are marked.
 
-    `rates` are how often each publisher sends, by its path; `not_judged` says in words what else
-    is not known. `tops` are the frames at the top of the trees of robots.
+    `not_judged` says in words what else is not known.
     """
-    trees, branches = trees_of(edges), list[DrawnEdge]()
+    trees, branches = report.heard, list[DrawnEdge]()
     for heard in trees:
         where = f" ({tree_name(heard, trees)})" if len(trees) > 1 else ""
-        wrong = {fault.frame for fault in frame_faults(heard.tree)}
-        islands = {} if hidden else heard.tree.islands
-        islands = {frame: top for frame, top in islands.items() if top not in tops}
-        main = next((top for top in heard.tree.roots if top not in islands), "")
+        wrong = {fault.frame for fault in frame_faults(heard.tree, report.reserved)}
+        islands, main = report.islands(heard)
         published: dict[Pair, list[Edge]] = {}
         for edge in heard.tree.edges:
             published.setdefault((edge.parent, edge.child), []).append(edge)
@@ -117,9 +108,9 @@ def published_frames_picture(
                 apart=main if islands.get(child) == parent else "",
             )
             branches.append(branch)
-    branches += _hidden_branches(hidden)
+    branches += _hidden_branches(report.hidden)
     subtitle = "  ·  ".join(filter(None, [_counts_text(branches), not_judged]))
-    return _picture("TF", subtitle, branches, judged=True, rates=rates)
+    return _picture("TF", subtitle, branches, judged=True, rates=report.rates)
 
 
 def _hidden_branches(hidden: Sequence[UnresolvedFrames]) -> Iterator[DrawnEdge]:
