@@ -17,7 +17,7 @@ from breaking import correct_stage
 from lab3_usd.commands.shared import judging
 from lab3_usd.commands.shared.judging import AFTER_OPENING
 from lab3_usd.errors import EXIT_CRASH
-from lab3_usd.report.formats.registry import all_formats, module_of
+from lab3_usd.report.formats.registry import all_formats
 from lab3_usd.stage.read.opening import open_stage, opener
 
 SECONDS = 20.0
@@ -170,7 +170,7 @@ print(sorted(name for name in {*sys.modules} - before if name.startswith("lab3_u
 def answers(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, int]]:
     """What was printed for each question, and the exit status."""
     path = str(saved(tmp_path_factory.mktemp("stage")))
-    formats = [module_of(name) for name in all_formats()]
+    formats = [form.module for form in all_formats().values()]
     asked = {
         "threads of check": [THREADS, "check", path],
         "threads of lint": [THREADS, "lint", path],

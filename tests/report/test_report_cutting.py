@@ -27,7 +27,7 @@ from lab3_usd.pipeline.folder import FolderSettings, check_folder
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.formats.registry import all_formats, render
 from lab3_usd.report.options import Options
-from lab3_usd.report.safe_text import LONGEST, truncated, truncated_report, truncated_values
+from lab3_usd.report.safe_text import LONGEST, truncated, truncated_values
 from lab3_usd.stage.read.opening import kept_open
 
 HUGE = "<" * (1 << 16)
@@ -63,7 +63,7 @@ def test_every_text_of_a_report_is_cut_but_the_names_of_files() -> None:
         (HUGE,),
     )
     line = ChecklistItem("1", "text", "person", HUGE)
-    report = truncated_report(Report((result,), (Submission(path, (finding,), (line,)),)))
+    report = truncated_values(Report((result,), (Submission(path, (finding,), (line,)),)))
     (found,) = report.results
     (about,) = report.submissions
     short = truncated(HUGE)

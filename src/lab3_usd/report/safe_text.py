@@ -5,23 +5,14 @@ from __future__ import annotations
 import json
 from collections.abc import Iterable
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 from unicodedata import combining, east_asian_width
 
 import msgspec
 from msgspec import Struct
 from msgspec.structs import asdict, replace
 
-from lab3_usd.model.finding import (
-    ChecklistItem,
-    Crash,
-    Finding,
-    NodeCoverage,
-    NotJudged,
-    Report,
-    StageResult,
-    Submission,
-)
+from lab3_usd.model.finding import Finding
 
 LONGEST = 1000  # characters
 # A cell that opens with one of these is a formula to a spreadsheet.
@@ -83,17 +74,23 @@ def dot_string(text: str) -> str:
     return '"' + printable(text).replace("\\", "\\\\").replace('"', '\\"') + '"'
 
 
+# Files are opened again by their paths, and no report shows the rest of these.
+_KEPT = frozenset({"path", "layer", "requirements", "hidden", "dry_runs"})
+
+
 def truncated_values(document: Any) -> Any:
-    """Return plain data with every text in it truncated."""
+    """Return plain data, or a report, with every text in it truncated that is shown."""
     if isinstance(document, str):
         return truncated(document)
     if isinstance(document, dict):
         return {truncated(key): truncated_values(value) for key, value in document.items()}
-    return (
-        type(document)(map(truncated_values, document))
-        if isinstance(document, (list, tuple))
-        else document
-    )
+    if isinstance(document, (list, tuple)):
+        return type(document)(map(truncated_values, document))
+    if isinstance(document, Struct):
+        fields = asdict(document)
+        shown = {name: truncated_values(fields[name]) for name in fields if name not in _KEPT}
+        return replace(document, **shown)
+    return document
 
 
 def json_text(document: object, indent: int) -> str:
@@ -106,50 +103,6 @@ def json_text(document: object, indent: int) -> str:
         return msgspec.json.format(text, indent=indent) + "\n"
     except msgspec.DecodeError:  # NaN, infinity, half a letter of UTF-16
         return json.dumps(document, indent=indent) + "\n"
-
-
-def truncated_report(report: Report) -> Report:
-    """Return a report with every text truncated; paths stay, because files are opened again."""
-    return replace(
-        report,
-        results=tuple(map(_truncated_stage, report.results)),
-        submissions=tuple(
-            replace(
-                _truncated_result(submission),
-                checklist=tuple(map(_truncated_texts, submission.checklist)),
-            )
-            for submission in report.submissions
-        ),
-    )
-
-
-_Result = TypeVar("_Result", StageResult, Submission)
-_Texts = TypeVar("_Texts", Finding, Crash, ChecklistItem, NotJudged)
-
-
-def _truncated_result(result: _Result) -> _Result:
-    return replace(
-        result,
-        findings=tuple(map(_truncated_texts, result.findings)),
-        crashes=tuple(map(_truncated_texts, result.crashes)),
-    )
-
-
-def _truncated_stage(stage: StageResult) -> StageResult:
-    coverage = stage.coverage
-    return replace(
-        _truncated_result(stage),
-        not_judged=tuple(map(_truncated_texts, stage.not_judged)),
-        coverage=coverage and NodeCoverage(**truncated_values(asdict(coverage))),
-        gaps=truncated_values(stage.gaps),
-    )
-
-
-def _truncated_texts(texts: _Texts) -> _Texts:
-    whole = asdict(texts)
-    return replace(
-        texts, **{name: truncated_values(whole[name]) for name in whole if name != "layer"}
-    )
 
 
 # Select Graphic Rendition parameters of ECMA-48; the sixteen basic colours follow the user's theme.

@@ -34,7 +34,7 @@ from lab3_usd.commands.shared.reporting import (
 from lab3_usd.errors import UsageError
 from lab3_usd.model.finding import Report, StageResult, Submission
 from lab3_usd.pipeline.results import Results, Target, with_findings
-from lab3_usd.report.formats.registry import module_of
+from lab3_usd.report.formats.registry import format_named
 
 
 @contextmanager
@@ -152,7 +152,7 @@ def judge_and_report(paths: Iterable[str], judge: Judge, reporting: Reporting) -
     entries = [entry for path in paths for entry in judge.find(path)]
     from lab3_usd.stage.read.opening import kept_open
 
-    needed = (judge.module, *AFTER_OPENING, module_of(reporting.report.form))
+    needed = (judge.module, *AFTER_OPENING, format_named(reporting.report.form).module)
     # The comparison with the starter, and some formats, look at the stage again.
     with imported_while_opening(*needed), kept_open():
         report = _judged(entries, judge, reporting)

@@ -8,7 +8,7 @@ from lab3_usd.errors import UsageError, guess
 from lab3_usd.hooks import Format, features
 from lab3_usd.model.finding import Report
 from lab3_usd.report.options import Options, Rules
-from lab3_usd.report.safe_text import truncated_report
+from lab3_usd.report.safe_text import truncated_values
 
 # A module is imported when its format is asked for: checking one file stays fast.
 _OF_THE_CORE: dict[str, Format] = {
@@ -49,15 +49,6 @@ def format_named(name: str) -> Format:
     return entry
 
 
-def module_of(name: str) -> str:
-    """Return the name of the module that renders a format.
-
-    Raises:
-        UsageError: there is no such format.
-    """
-    return format_named(name).module
-
-
 def render(
     name: str, report: Report, rules: Rules | None = None, options: Options | None = None
 ) -> str:
@@ -68,6 +59,6 @@ def render(
     Raises:
         UsageError: there is no such format, or it cannot do what `options` asks.
     """
-    module = importlib.import_module(module_of(name))
-    text: str = module.render(truncated_report(report), rules, options or Options())
+    module = importlib.import_module(format_named(name).module)
+    text: str = module.render(truncated_values(report), rules, options or Options())
     return text
