@@ -217,51 +217,23 @@ def relative_path(path: str, root: str | None) -> str:
         return Path(whole).as_posix()
 
 
-class RuleCount(Struct, frozen=True):
-    """The number of findings of one rule and severity, and of files that have them."""
-
-    rule: str
-    name: str
-    severity: Severity
-    findings: int
-    files: int
-
-
-def count_by_rule(report: Report) -> tuple[RuleCount, ...]:
-    """Count the findings of each rule, the most frequent first."""
+def statistics_table(report: Report) -> list[str]:
+    """Return the table of faults by rule as lines, the most frequent first; empty for none."""
     paths_by_rule: dict[tuple[str, str, Severity], list[str]] = {}
     for entry in entries(report):
         finding = entry.finding
         key = (finding.rule, finding.name, finding.severity)
         paths_by_rule.setdefault(key, []).append(entry.path)
-    counts = (
-        RuleCount(*key, findings=len(paths), files=len(set(paths)))
-        for key, paths in paths_by_rule.items()
-    )
-    return tuple(
-        sorted(
-            counts,
-            key=lambda count: (-count.findings, count.rule, SEVERITIES.index(count.severity)),
-        )
-    )
 
+    def order(key: tuple[str, str, Severity]) -> tuple[int, str, int]:
+        return -len(paths_by_rule[key]), key[0], SEVERITIES.index(key[2])
 
-def statistics_table(report: Report) -> list[str]:
-    """Return the table of faults by rule as lines, aligned; empty where nothing was found."""
-    counts = count_by_rule(report)
-    if not counts:
-        return []
-    rows = [("findings", "files", "severity", "rule")]
-    rows += [
-        (
-            str(count.findings),
-            str(count.files),
-            count.severity,
-            visible(f"{count.rule} {count.name}"),
-        )
-        for count in counts
-    ]
-    return [f"{row[0]:>8}  {row[1]:>5}  {row[2]:<8}  {row[3]}" for row in rows]
+    rows: list[tuple[object, ...]] = [("findings", "files", "severity", "rule")]
+    for key in sorted(paths_by_rule, key=order):
+        rule, name, severity = key
+        paths = paths_by_rule[key]
+        rows.append((len(paths), len({*paths}), severity, visible(f"{rule} {name}")))
+    return [f"{row[0]:>8}  {row[1]:>5}  {row[2]:<8}  {row[3]}" for row in rows if paths_by_rule]
 
 
 def summary_line(summary: Summary) -> str:
