@@ -50,6 +50,7 @@ from lab3_usd.model.finding import Finding, site_of
 from lab3_usd.pipeline.entries import checkpoint_at, known_checkpoint
 from lab3_usd.pipeline.entries import find_stages as find_linted
 from lab3_usd.pipeline.stage import JudgeSettings
+from lab3_usd.report.entries import site
 from lab3_usd.report.safe_text import visible
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -233,8 +234,7 @@ def _why_left(finding: Finding, fixed: Fixed, *, unsafe: bool) -> str:
 
 
 def _line(finding: Finding) -> str:
-    site = finding.prim + (f".{finding.property}" if finding.property else "")
-    return visible(f"{finding.rule} {site}: {finding.message}")
+    return visible(f"{finding.rule} {site(finding)}: {finding.message}")
 
 
 @click.command("fix")

@@ -13,6 +13,7 @@ from pygls.workspace import TextDocument
 from lab3_usd.check.registry import own_rules
 from lab3_usd.data import as_called, rule_address
 from lab3_usd.model.finding import Finding, Severity
+from lab3_usd.report.entries import site
 from lab3_usd.server.diagnosis import FIRST_LINE, Diagnosis, diagnose, is_judged, repairs_of
 from lab3_usd.server.manuals import manual_of
 from lab3_usd.server.places import Lines, Span, Symbol, definition, outline, path_at
@@ -149,7 +150,6 @@ async def _judge(server: StageServer, uri: str, wait: float = 0.0) -> None:
 
 def _diagnostic(document: TextDocument, finding: Finding) -> types.Diagnostic:
     """Return a finding as an editor marks it: from its column to the end of its line."""
-    site = f"{finding.prim}.{finding.property}" if finding.property else finding.prim
     hint = f"\nhint: {as_called(finding.hint)}" if finding.hint else ""
     # Custom rules have no page, and no rule while there is no site.
     page = "" if finding.rule in own_rules() else rule_address(finding.rule)
@@ -159,7 +159,7 @@ def _diagnostic(document: TextDocument, finding: Finding) -> types.Diagnostic:
         code=finding.rule,
         code_description=types.CodeDescription(page) if page else None,
         source=_SOURCE,
-        message=f"{finding.name}: {finding.message}\n{site}{hint}",
+        message=f"{finding.name}: {finding.message}\n{site(finding)}{hint}",
     )
 
 

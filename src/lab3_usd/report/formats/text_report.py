@@ -11,7 +11,15 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.data import program
-from lab3_usd.model.finding import ChecklistItem, Crash, Finding, Report, StageResult, Submission
+from lab3_usd.model.finding import (
+    ChecklistItem,
+    Crash,
+    Finding,
+    Report,
+    StageResult,
+    Submission,
+    Verdict,
+)
 from lab3_usd.report.entries import (
     CHECKLIST_STATES,
     coverage_line,
@@ -158,7 +166,7 @@ def _sections(block: Block, page: Page) -> Iterator[list[str]]:
         if not quiet:
             findings = ((finding, "") for finding in block.submission.findings)
             lines += _finding_blocks(findings, page)
-            lines += _outlook(block, page)
+            lines += _outlook(block.submission, block.verdict, page)
         yield lines
 
 
@@ -187,7 +195,7 @@ def _student_lines(block: Block, page: Page) -> list[str]:
     lines += _fault_lines(block, page)
     lines += _not_judged_line([stage.result for stage in block.stages], page)
     if block.submission is not None:
-        lines += _outlook(block, page)
+        lines += _outlook(block.submission, block.verdict, page)
     return lines
 
 
@@ -201,18 +209,14 @@ def _submission_heading(submission: Submission, page: Page) -> Iterator[str]:
     yield from _crash_lines(submission.crashes, page)
 
 
-def _outlook(block: Block, page: Page) -> Iterator[str]:
+def _outlook(submission: Submission, verdict: Verdict, page: Page) -> Iterator[str]:
     """Yield the checklist of what was handed in, and else the next step; verbose has both."""
-    submission = block.submission
-    if submission is None:
-        return
     if submission.handed_in or page.verbose:
-        yield from _checklist_lines(submission.checklist, page.options, page.width)
+        yield from _checklist_lines(submission.checklist, page)
     if not submission.handed_in:
         yield ""
-        yield from _labelled(
-            "next", next_step(submission, block.verdict, load_lab(), page.options.lab), page
-        )
+        following = next_step(submission, verdict, load_lab(), page.options.lab)
+        yield from _labelled("next", following, page)
 
 
 def _stage_heading(result: StageResult, page: Page) -> str:
@@ -363,9 +367,7 @@ def _wrapped(value: str, indent: str, width: int, hanging: str | None = None) ->
     return folded(visible(value), width, indent, indent if hanging is None else hanging)
 
 
-def _checklist_lines(
-    items: tuple[ChecklistItem, ...], options: Options, width: int
-) -> Iterator[str]:
+def _checklist_lines(items: tuple[ChecklistItem, ...], page: Page) -> Iterator[str]:
     """Yield a line that counts the items, and each by its section.
 
     Those met only when verbose, and many of one section that are not refuted as a count.
@@ -374,16 +376,15 @@ def _checklist_lines(
         return
     yield ""
     yield f"checklist: {_state_counts(items)}"
-    verbose = options.verbosity == "verbose"
-    listed = [item for item in items if item.state != "met" or verbose]
+    listed = [item for item in items if item.state != "met" or page.verbose]
     for section, members in groupby(listed, key=lambda item: item.section):
         yield f"  {visible(section)}"
         section_items = list(members)
         unrefuted = [item for item in section_items if item.state != "not met"]
-        is_short = len(unrefuted) > FEW and not verbose
+        is_short = len(unrefuted) > FEW and not page.verbose
         for item in section_items:
             if not is_short or item.state == "not met":
-                yield from _item_lines(item, width, color=options.color)
+                yield from _item_lines(item, page)
         if is_short:
             yield f"    {_state_counts(unrefuted)}; --verbose lists them"
 
@@ -393,11 +394,11 @@ def _state_counts(items: Collection[ChecklistItem]) -> str:
     return ", ".join(f"{count} {CHECKLIST_STATES[state]}" for count, state in counts if count)
 
 
-def _item_lines(item: ChecklistItem, width: int, *, color: bool) -> Iterator[str]:
+def _item_lines(item: ChecklistItem, page: Page) -> Iterator[str]:
     because = f": {item.because}" if item.because else ""
     indent = " " * 15
-    first, *more = _wrapped(f"{item.text}{because}", indent, width) or [indent]
-    state = paint(f"{item.state:<9}", item.state, color=color)
+    first, *more = _wrapped(f"{item.text}{because}", indent, page.width) or [indent]
+    state = paint(f"{item.state:<9}", item.state, color=page.color)
     yield f"    {state}  {first[len(indent) :]}"
     yield from more
 
