@@ -90,16 +90,14 @@ def holds_nothing(reason: str) -> bool:
     return reason == NO_ARCHIVE or _BY_CONTENT in reason
 
 
-def _is_nested(name: str, copy: SubmissionCopy) -> bool:
-    """Whether a file of a student's archive is an archive itself; those of a class stay whole."""
-    return is_archive(name) and not copy.archives
+def _take(stream: BinaryIO, size: int, name: str, changed: float, copy: SubmissionCopy) -> None:
+    """Take in a file of an archive; one that is an archive itself in a folder of its own.
 
-
-def _unpack_nested(stream: BinaryIO, size: int, name: str, copy: SubmissionCopy) -> None:
-    """Take in an archive that lies in an archive, in a folder of its own.
-
-    One in one of those is refused.
+    An archive in one of those is refused; those in the archive of a class stay whole.
     """
+    if copy.archives or not is_archive(name):
+        copy.take(name, size, stream, changed)
+        return
     if is_hidden(path_parts(name)):
         return
     if copy.is_nested:
@@ -210,11 +208,8 @@ def _zip_entry(
     is_opened = not only_name_counts(entry.filename, entry.file_size)
     try:
         with packed.open(entry) if is_opened else io.BytesIO() as opened:
-            stream = cast("BinaryIO", opened)
-            if _is_nested(name, copy):
-                _unpack_nested(stream, entry.file_size, name, copy)
-            else:
-                copy.take(name, entry.file_size, stream, _seconds(entry.date_time))
+            stream, changed = cast("BinaryIO", opened), _seconds(entry.date_time)
+            _take(stream, entry.file_size, name, changed, copy)
     except _DAMAGED as error:
         check_reached(name, error)
         copy.forget(name, "it is damaged in the archive")
@@ -263,10 +258,7 @@ def _from_tar(archive: Path, prefix: str, copy: SubmissionCopy) -> None:
             copy.refuse(name, "it is a link, pipe or device; not unpacked")
         else:
             stream = cast("BinaryIO", packed.extractfile(member))  # a plain file has one
-            if _is_nested(name, copy):
-                _unpack_nested(stream, member.size, name, copy)
-            else:
-                copy.take(name, member.size, stream, member.mtime)
+            _take(stream, member.size, name, member.mtime, copy)
     inside.take_links()
 
 

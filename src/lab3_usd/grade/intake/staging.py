@@ -9,11 +9,9 @@ import shutil
 import stat
 from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
 from functools import partial
 from itertools import accumulate
 from pathlib import Path
-from typing import BinaryIO
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -48,6 +46,7 @@ from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 
 _UNREAD = "it cannot be read"
+_NO_FILE = "it is a pipe, socket or device; not opened"
 
 
 class Source(Struct, frozen=True):
@@ -301,14 +300,28 @@ def _take_file(
             copy.refuse(name, LEADS_TO_NO_FILE)
             return
         path = inside
-    if is_archive(name) and "/" not in name:
-        if not alone and is_hidden([name]):
-            return
-        _unpack(path, name, copy, alone=alone)
-    elif name.lower().endswith(OTHER_ENDINGS) and "/" not in name:
+    is_packed = is_archive(name) and "/" not in name
+    if not is_packed and name.lower().endswith(OTHER_ENDINGS) and "/" not in name:
         copy.refuse(name, "archives of this kind are not unpacked; hand in a .zip")
-    else:
-        _copy(path, name, copy)
+        return
+    if is_packed and is_hidden([name]) and not alone:
+        return
+    try:
+        if not stat.S_ISREG(path.lstat().st_mode):
+            copy.refuse(name, _NO_FILE)  # and never waited for
+        elif not is_packed:
+            _copy(path, name, copy)
+        elif alone:
+            unpack(path, "", copy)
+        else:
+            unpack_beside(path, name, copy)
+    except ArchiveError as error:
+        if alone:
+            raise
+        copy.refuse(name, str(error).partition(": ")[2])
+    except OSError as error:
+        check_reached(name, error)
+        copy.refuse(name, f"{_UNREAD} ({error.strerror})")
 
 
 def _target_inside(link: Path, root: Path | None) -> Path | None:
@@ -320,47 +333,12 @@ def _target_inside(link: Path, root: Path | None) -> Path | None:
     return target if root is not None and target.is_relative_to(root) else None
 
 
-def _unpack(path: Path, name: str, copy: SubmissionCopy, *, alone: bool) -> None:
-    try:
-        is_file = stat.S_ISREG(path.lstat().st_mode)
-    except OSError as error:
-        check_reached(name, error)
-        copy.refuse(name, f"{_UNREAD} ({error.strerror})")
-        return
-    if not is_file:
-        copy.refuse(name, "it is a pipe, socket or device; not opened")
-        return
-    if alone:
-        unpack(path, "", copy)
-        return
-    try:
-        unpack_beside(path, name, copy)
-    except ArchiveError as error:
-        copy.refuse(name, str(error).partition(": ")[2])
-
-
 def _copy(path: Path, name: str, copy: SubmissionCopy) -> None:
-    try:
-        with _opened(path) as (stream, status):
-            if stream is None:
-                copy.refuse(name, "it is a pipe, socket or device; not opened")
-            else:
-                copy.take(name, status.st_size, stream, status.st_mtime)
-    except OSError as error:
-        check_reached(name, error)
-        copy.refuse(name, f"{_UNREAD} ({error.strerror})")
-
-
-@contextmanager
-def _opened(path: Path) -> Iterator[tuple[BinaryIO | None, os.stat_result]]:
-    """Open a plain file; a pipe or device yields None and is never waited for."""
-    before = path.lstat()
-    if not stat.S_ISREG(before.st_mode):
-        yield None, before
-        return
     flags = os.O_RDONLY | getattr(os, "O_NOFOLLOW", 0) | getattr(os, "O_NONBLOCK", 0)
     handle = os.open(path, flags | getattr(os, "O_BINARY", 0))
     with open(handle, "rb") as file:  # noqa: PTH123 - a handle, not a path
         status = os.fstat(handle)
-        # The file may have been replaced since it was looked at.
-        yield (file if stat.S_ISREG(status.st_mode) else None), status
+        if stat.S_ISREG(status.st_mode):
+            copy.take(name, status.st_size, file, status.st_mtime)
+        else:  # it was replaced since it was looked at
+            copy.refuse(name, _NO_FILE)

@@ -229,6 +229,7 @@ LEADS_OUT = "it is a link that leads out of the submission; not opened"
 LEADS_TO_NO_FILE = "it is a link to something outside the judged files; not opened"
 _TWICE = "it exists twice; the other one counts"
 _CLASH = "a file and a folder have the same name"
+_CLASHES = (FileExistsError, NotADirectoryError, IsADirectoryError)
 
 
 @dataclass(slots=True)
@@ -301,7 +302,8 @@ class SubmissionCopy:
     def take(self, name: str, size: int, stream: BinaryIO, changed: float = 0.0) -> None:
         """Copy one file in, never more than `size` bytes of it, the size it says it has.
 
-        `changed` is when it was last changed, in seconds, as the archive or file system says.
+        Of a picture or video, whose contents are not judged, the name alone is taken in. `changed`
+        is when it was last changed, in seconds, as the archive or file system says.
 
         Raises:
             TooLargeError: the submission holds too many files or too much in them.
@@ -318,22 +320,33 @@ class SubmissionCopy:
             self.refuse(name, _TWICE)
             return
         self.limits.check_count(len(self.digests) + len(self.refused) + 1)
-        if only_name_counts(name, size):
-            self._keep_name(name, path, size)
-            return
-        if size > self.limits.file_size:
-            self.refuse(name, f"it is larger than {self.limits.file_size >> 20} MB; not opened")
-            return
-        if name.lower().endswith(YAML) and not self.archives:
-            data = stream.read(min(size, LARGEST_YAML + 1))
-            reason = yaml_fault(data)
-            if reason:
-                self.refuse(name, reason)
+        is_read = not only_name_counts(name, size)
+        if is_read:
+            if size > self.limits.file_size:
+                self.refuse(name, f"it is larger than {self.limits.file_size >> 20} MB; not opened")
                 return
-            stream = io.BytesIO(data)
-        self.taken += size
-        self.limits.check_size(self.taken)
-        if self._write(name, path, size, stream):
+            if name.lower().endswith(YAML) and not self.archives:
+                data = stream.read(min(size, LARGEST_YAML + 1))
+                reason = yaml_fault(data)
+                if reason:
+                    self.refuse(name, reason)
+                    return
+                stream = io.BytesIO(data)
+            self.taken += size
+            self.limits.check_size(self.taken)
+        try:
+            path.parent.mkdir(parents=True, exist_ok=True)
+            with path.open("xb") as file:
+                if is_read:
+                    digest = _copied(stream, size, file)
+                else:  # in the copy of a class it keeps a size, by which it is recognised
+                    file.truncate(min(size, _AS_LARGE) if self.archives else 1)
+                    digest = ""
+        except _CLASHES:
+            self.refuse(name, _CLASH)
+            return
+        self.digests[str(path)] = digest
+        if is_read:
             os.utime(path, (0.0, changed if 0 <= changed <= _LATEST else 0.0))
 
     def move(self, name: str, goal: str) -> str | None:
@@ -343,35 +356,16 @@ class SubmissionCopy:
         if str(new) in self.digests:
             self.refuse(goal, _TWICE)
             return None
-        if new.is_dir():
-            self.refuse(goal, _CLASH)
-            return None
         try:
+            if new.is_dir():
+                raise IsADirectoryError(goal)
             new.parent.mkdir(parents=True, exist_ok=True)
             shutil.move(path, new)  # Landlock lets nobody rename into another folder
-        except (FileExistsError, NotADirectoryError, IsADirectoryError):
+        except _CLASHES:
             self.refuse(goal, _CLASH)
             return None
         self.digests[str(new)] = digest
         return str(new)
-
-    def _write(self, name: str, path: Path, size: int, stream: BinaryIO) -> bool:
-        digest = hashlib.sha256()
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("xb") as file:
-                while size > 0:
-                    data = stream.read(min(size, _CHUNK))
-                    if not data:
-                        break
-                    size -= len(data)
-                    digest.update(data)
-                    file.write(data)
-        except (FileExistsError, NotADirectoryError, IsADirectoryError):
-            self.refuse(name, _CLASH)
-            return False
-        self.digests[str(path)] = digest.hexdigest()
-        return True
 
     def forget(self, name: str, reason: str) -> None:
         """Drop a file whose contents turned out to be damaged half-way, and say so."""
@@ -379,20 +373,6 @@ class SubmissionCopy:
         if path is not None and str(path) not in self.digests:
             path.unlink(missing_ok=True)
             self.refuse(name, reason)
-
-    def _keep_name(self, name: str, path: Path, size: int) -> None:
-        """Take in a file by its name alone: a picture or video, whose contents are not judged.
-
-        In the copy of a class it keeps a size, by which it is recognised.
-        """
-        try:
-            path.parent.mkdir(parents=True, exist_ok=True)
-            with path.open("xb") as file:
-                file.truncate(min(size, _AS_LARGE) if self.archives else 1)
-        except (FileExistsError, NotADirectoryError, IsADirectoryError):
-            self.refuse(name, _CLASH)
-            return
-        self.digests[str(path)] = ""
 
     def keep_folder(self, name: str) -> None:
         """Make a folder of a class, also when it is empty: a student may have handed it in."""
@@ -412,3 +392,13 @@ class SubmissionCopy:
         for refused in sorted(self.refused, key=lambda entry: (entry.path, entry.reason)):
             digest.update(f"{refused.path}\0{refused.reason}\n".encode())
         return digest.hexdigest()
+
+
+def _copied(stream: BinaryIO, size: int, file: BinaryIO) -> str:
+    """Copy so many bytes, or as many as there are, and return their digest."""
+    digest = hashlib.sha256()
+    while data := stream.read(min(size, _CHUNK)):
+        size -= len(data)
+        digest.update(data)
+        file.write(data)
+    return digest.hexdigest()
