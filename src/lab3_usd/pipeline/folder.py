@@ -15,7 +15,7 @@ from lab3_usd import hooks
 from lab3_usd.check.checklist import ChecklistInput, decide_checklist
 from lab3_usd.check.rule_runs import merge_results, run_family
 from lab3_usd.deliverables.maps import SuppliedMap, opens_all
-from lab3_usd.deliverables.submission_files import folder_named, list_submission, stage_ending
+from lab3_usd.deliverables.submission_files import list_submission, stage_ending
 from lab3_usd.errors import Lab3Error, StageError, failure_text
 from lab3_usd.model.finding import Finding, StageResult, Submission, ordered
 from lab3_usd.model.folder import Listing, StarterFile, SubmissionSubject, UnjudgedStage
@@ -70,18 +70,27 @@ class FolderResult(Struct, frozen=True):
 
 
 def is_submission(folder: Path) -> bool:
-    """Whether a folder is a submission: it has the folder of stages, or several of the stages.
-
-    Hidden files and backups, which programs leave, do not count.
-    """
-    lab = load_lab()
-    if folder_named(folder, lab.submission.folders.stages):
-        return True
+    """Whether a folder is a submission; a link to a folder does not count as one."""
     try:
-        names = [path.name for path in folder.iterdir() if is_stage_file(path.name)]
+        with os.scandir(folder) as scan:
+            entries = [(entry.name, entry.is_dir(follow_symlinks=False)) for entry in scan]
     except OSError:
         return False
-    return len([name for name in names if named_checkpoint(name, lab.files)]) > 1
+    return are_submission(entries)
+
+
+def are_submission(entries: Iterable[tuple[str, bool]]) -> bool:
+    """Whether these names, and which of them are folders, are those of one submission.
+
+    It has the folder of stages, or several of the stages. Hidden files and backups, which programs
+    leave, do not count.
+    """
+    lab = load_lab()
+    stages, listed = lab.submission.folders.stages.lower(), list(entries)
+    named = [name for name, _ in listed if is_stage_file(name)]
+    return len([name for name in named if named_checkpoint(name, lab.files)]) > 1 or any(
+        is_folder and name.lower() == stages for name, is_folder in listed
+    )
 
 
 def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:

@@ -16,13 +16,13 @@ from lab3_usd.grade.intake.download_names import ARCHIVE_END, file_owners, is_pl
 from lab3_usd.grade.intake.people import ADDRESS, STUDENT_ID, Person
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import LEFTOVERS
-from lab3_usd.pipeline.stage import checkpoint_of
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import after_a_student
 from lab3_usd.yaml_file import refuse_deep
 
 METADATA = "submission_metadata.yml"
 LARGEST = 20_000_000  # bytes
+TOO_LARGE = f"it is larger than {LARGEST // 1_000_000} MB"
 _Safe: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
 _TOP = re.compile(rb"^(?=[^\s#%-])", re.MULTILINE)  # where an entry of the whole file begins
 _NOTHING = {"", "~", "null", "Null", "NULL"}
@@ -53,16 +53,6 @@ class StudentNames(Struct, frozen=True):
 
     by_folder: Mapping[str, Submitters]
     fault: str
-
-
-def read_student_names(path: Path) -> StudentNames:
-    """Return who is who from a file; folders that it does not name keep their numbers."""
-    try:
-        if path.stat().st_size > LARGEST:
-            return StudentNames({}, f"it is larger than {LARGEST // 1_000_000} MB")
-        return names_in(path.read_bytes())
-    except OSError as error:
-        return StudentNames({}, f"it cannot be read: {error.strerror}")
 
 
 _IDS = {STUDENT_ID: ":sid", ADDRESS: ":email"}
@@ -175,6 +165,19 @@ def entries_in(folder: Path) -> list[Entry]:
     return sorted((name, os.path.isdir(folder / name)) for name in os.listdir(folder))  # noqa: PTH112, PTH208 - pathlib raises for a link to something unreadable
 
 
+def read_in(folder: Path, name: str) -> bytes | str:
+    """Return a file's bytes, or a few words about why it cannot be read."""
+    path = folder / name
+    if not path.is_file():
+        return "it is not a file"
+    try:
+        with path.open("rb") as file:
+            data = file.read(LARGEST + 1)
+    except OSError as error:
+        return f"it cannot be read: {error.strerror}"
+    return data if len(data) <= LARGEST else TOO_LARGE
+
+
 def is_leftover(name: str) -> bool:
     """Whether operating systems and editors leave a file or folder of this name behind."""
     return name in LEFTOVERS or name.startswith("._") or name in {".DS_Store", ".git"}
@@ -188,17 +191,6 @@ def is_submission_part(entry: Entry) -> bool:
     if is_folder or is_archive(name) or name.lower().endswith((*OTHER_ENDINGS, *_STAGE)):
         return True
     return is_platform_name(name)
-
-
-def looks_like_submission(entries: Iterable[Entry]) -> bool:
-    """Whether a folder with these entries is itself a submission (see `check.folder`)."""
-    lab = load_lab()
-    stages = lab.submission.folders.stages.lower()
-    listed = list(entries)
-    numbered = [name for name, _ in listed if checkpoint_of(name, lab)]
-    return len(numbered) > 1 or any(
-        is_folder and name.lower() == stages for name, is_folder in listed
-    )
 
 
 def parts_of(

@@ -27,7 +27,7 @@ from lab3_usd.grade.intake.addresses import (
     without_secrets,
 )
 from lab3_usd.grade.intake.archives import is_archive
-from lab3_usd.grade.intake.platforms import LARGEST
+from lab3_usd.grade.intake.platforms import LARGEST, TOO_LARGE
 from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import (
     Limits,
@@ -309,7 +309,7 @@ def read_at(address: str, name: str) -> bytes | str:
             data: bytes = stream.read(LARGEST + 1)
     except Exception as error:  # noqa: BLE001 - a storage may raise anything
         return f"it cannot be read: {reason_of(error)}"
-    return data if len(data) <= LARGEST else f"it is larger than {LARGEST // 1_000_000} MB"
+    return data if len(data) <= LARGEST else TOO_LARGE
 
 
 def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:

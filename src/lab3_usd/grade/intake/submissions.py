@@ -25,15 +25,13 @@ from lab3_usd.grade.intake.platforms import (
     METADATA,
     Entry,
     StudentNames,
-    StudentsByFolder,
     SubmissionPart,
     entries_in,
     is_leftover,
     is_submission_part,
-    looks_like_submission,
     names_in,
     parts_of,
-    read_student_names,
+    read_in,
 )
 from lab3_usd.grade.intake.remote import archive_at, entries_at, read_at
 from lab3_usd.grade.intake.scratch import scratch_folder
@@ -47,7 +45,7 @@ from lab3_usd.grade.intake.submission_copy import (
     UnreachedError,
     path_parts,
 )
-from lab3_usd.pipeline.folder import is_submission
+from lab3_usd.pipeline.folder import are_submission, is_submission
 
 # A class in one archive holds many submissions.
 _CLASS = Limits(files=200_000, total_size=16 << 30, file_size=1 << 30)
@@ -56,7 +54,7 @@ _LeftOut = list[tuple[tuple[str, ...], RefusedFile]]  # parts of a path, and its
 _SLUG = re.compile(r"[^A-Za-z0-9._-]+")
 _LONGEST_SLUG = 80
 _MOST_NAMED = 5
-_RECEIPT_BEGINS = 10_000  # bytes
+_RECEIPT = 10_000  # bytes of it that are read
 Notify = Callable[[str], None]
 
 
@@ -229,130 +227,107 @@ def find_submissions(
     location = (
         place if isinstance(place, ClassLocation) else ClassLocation(place, public_place(place))
     )
-    parts = (
-        _at_address(location, location.where, notify)
-        if isinstance(location.where, str)
-        else _in_folder(location, location.where, notify)
-    )
+    where = location.where
+    if isinstance(where, str):
+        entries = entries_at(where)
+        is_one, read = are_submission(entries), partial(read_at, where)
+    else:
+        if not where.is_dir():
+            raise UsageError(f"{location.given}: there is no such folder or archive of submissions")
+        try:
+            entries = entries_in(where)
+        except OSError as error:
+            raise UsageError(f"{location.given}: cannot be read ({error.strerror})") from error
+        is_one, read = is_submission(where), partial(read_in, where)
+    parts = [_whole(location)] if is_one else _parts(location, entries, read, notify)
     if not parts:
         raise UsageError(f"{location.given}: holds no submission: no folder, archive or stage")
     return tuple(_joined(parts))
 
 
-def _at_address(location: ClassLocation, address: str, notify: Notify) -> list[SubmissionPart]:
-    entries = entries_at(address)
-    if looks_like_submission(entries):
-        name = name_at(address)
-        whole = address_below(address, "", is_folder=False)
-        return [SubmissionPart(name, name, Source(Path(name), address=whole), name)]
-    names = StudentNames({}, "")
-    if (METADATA, False) in entries:
-        names = names_in(read_at(address, METADATA))
-    parts = []
-    receipts = partial(_receipt_at, address)
-    for part in _parts(location, entries, (names, receipts), notify):
-        below = address_below(address, part.entry, is_folder=(part.entry, True) in entries)
-        source = replace(part.source, address=below)
-        if "::" in below.removeprefix(address):  # fsspec would read it as an address of its own
-            fault = "its name holds '::' which cannot be part of an address"
-            source = replace(part.source, fault=fault)
-        elif "\0" in part.entry:
-            source = replace(part.source, fault="its name holds characters that do not print")
-        parts.append(replace(part, source=source))
-    return parts
-
-
-def _in_folder(location: ClassLocation, folder: Path, notify: Notify) -> list[SubmissionPart]:
-    if not folder.is_dir():
-        raise UsageError(f"{location.given}: there is no such folder or archive of submissions")
-    try:
-        entries = entries_in(folder)
-    except OSError as error:
-        raise UsageError(f"{location.given}: cannot be read ({error.strerror})") from error
-    if is_submission(folder):
-        name = location.name or folder.resolve().name or "submission"
-        missing = tuple(
-            replace(refused, path=f"{entry}/{refused.path}") if is_folder else refused
-            for (entry, is_folder), refused in location.left_out
-        )
-        return [SubmissionPart(name, name, Source(folder.resolve(), left_out=missing), name)]
-    names = StudentNames({}, "")
-    if (METADATA, False) in entries:
-        names = read_student_names(folder / METADATA)
-    left_out: dict[str, list[RefusedFile]] = {}
-    for (entry, _), refused in location.left_out:
-        left_out.setdefault(entry, []).append(refused)
-    parts = []
-    receipts = partial(_receipt_in, folder)
-    for part in _parts(location, entries, (names, receipts), notify):
-        path = folder / part.entry
-        if not os.path.lexists(path):
-            path = location.empty_folder
-        missing = tuple(left_out.get(part.entry, ()))
-        parts.append(replace(part, source=replace(part.source, path=path, left_out=missing)))
-    return parts
-
-
-def _receipt_in(folder: Path, name: str) -> str:
-    """Return the beginning of a receipt, '' where it cannot be read."""
-    with contextlib.suppress(OSError):
-        if stat.S_ISREG((folder / name).lstat().st_mode):
-            with (folder / name).open("rb") as file:
-                return file.read(_RECEIPT_BEGINS).decode("utf-8-sig", "replace")
-    return ""
-
-
-def _receipt_at(address: str, name: str) -> str:
-    data = read_at(address, name)
-    return data[:_RECEIPT_BEGINS].decode("utf-8-sig", "replace") if isinstance(data, bytes) else ""
+def _whole(location: ClassLocation) -> SubmissionPart:
+    """Return the place as the one submission that it is."""
+    where = location.where
+    if isinstance(where, str):
+        name = name_at(where)
+        source = Source(Path(name), address=address_below(where, "", is_folder=False))
+        return SubmissionPart(name, name, source, name)
+    name = location.name or where.resolve().name or "submission"
+    missing = tuple(
+        replace(refused, path=f"{entry}/{refused.path}") if is_folder else refused
+        for (entry, is_folder), refused in location.left_out
+    )
+    return SubmissionPart(name, name, Source(where.resolve(), left_out=missing), name)
 
 
 def _parts(
     location: ClassLocation,
     entries: list[Entry],
-    name_sources: tuple[StudentNames, Callable[[str], str]],
+    read: Callable[[str], bytes | str],
     notify: Notify,
 ) -> list[SubmissionPart]:
-    """Tell by their names whose the entries of a folder are, and notify of what is not clear.
+    """Tell by their names whose the entries of a place are, and notify of what is not clear.
 
-    `name_sources` are the students that Gradescope names, and what returns the receipts of
-    Blackboard.
+    `read` returns the bytes of a file there, or why it cannot be read.
     """
-    names, receipts = name_sources
+
+    def receipt(name: str) -> str:
+        data = read(name)
+        return data[:_RECEIPT].decode("utf-8-sig", "replace") if isinstance(data, bytes) else ""
+
+    names = names_in(read(METADATA)) if (METADATA, False) in entries else StudentNames({}, "")
     present = {name for name, _ in entries}
     missing = dict.fromkeys(entry for entry, _ in location.left_out if entry[0] not in present)
-    all_entries = (
-        sorted({name: (name, is_folder) for name, is_folder in missing}.values()) + entries
+    all_entries = sorted(
+        [*{name: (name, is_folder) for name, is_folder in missing}.values(), *entries]
     )
     passed_over = [
         name
-        for name, is_folder in sorted(all_entries)
+        for name, is_folder in all_entries
         if not is_submission_part((name, is_folder)) and not is_leftover(name) and name != METADATA
     ]
     if passed_over:
         listed = _listed(passed_over)
         notify(f"{location.given}: ignored, since they belong to no student: {listed}")
-    ours = (entry for entry in sorted(all_entries) if is_submission_part(entry))
-    parts = list(parts_of(ours, names.by_folder, receipts))
-    for part in parts:
+    ours = [entry for entry in all_entries if is_submission_part(entry)]
+    left_out: dict[str, list[RefusedFile]] = {}
+    for (entry, _), refused in location.left_out:
+        left_out.setdefault(entry, []).append(refused)
+    parts = []
+    for part in parts_of(ours, names.by_folder, receipt):
         if part.others and not is_receipt(part.entry):
             candidates = " or ".join(map(_called, part.others))
             file, owner = _listed([part.entry]), _called(part.people[0])
             notify(f"{file}: taken as of {owner}; may be of {candidates}")
+        if isinstance(location.where, str):
+            is_folder = (part.entry, True) in ours
+            source = _source_at(location.where, part, is_folder=is_folder)
+        else:
+            path = location.where / part.entry
+            source = replace(
+                part.source,
+                path=path if os.path.lexists(path) else location.empty_folder,
+                left_out=tuple(left_out.get(part.entry, ())),
+            )
+        parts.append(replace(part, source=source))
     if METADATA in present:
-        _notify_unnamed(all_entries, names.by_folder, names.fault, notify)
+        unnamed = [name for name, is_folder in ours if is_folder and name not in names.by_folder]
+        who = f"; graded under the names of their folders: {_listed(unnamed)}" if unnamed else ""
+        because = f" ({names.fault})" if names.fault else ""
+        if who or because:
+            notify(f"{METADATA}: does not name everybody{because}{who}")
     return parts
 
 
-def _notify_unnamed(
-    entries: list[Entry], submitters: StudentsByFolder, fault: str, notify: Notify
-) -> None:
-    names = [name for name, folder in entries if folder and is_submission_part((name, folder))]
-    unnamed = [name for name in names if name not in submitters]
-    if unnamed or fault:
-        because = f" ({fault})" if fault else ""
-        who = f"; graded under the names of their folders: {_listed(unnamed)}" if unnamed else ""
-        notify(f"{METADATA}: does not name everybody{because}{who}")
+def _source_at(address: str, part: SubmissionPart, *, is_folder: bool) -> Source:
+    """Return the source of a part below an address, or the reason why it cannot be fetched."""
+    below = address_below(address, part.entry, is_folder=is_folder)
+    if "::" in below.removeprefix(address):  # fsspec would read it as an address of its own
+        fault = "its name holds '::' which cannot be part of an address"
+        return replace(part.source, fault=fault)
+    if "\0" in part.entry:
+        return replace(part.source, fault="its name holds characters that do not print")
+    return replace(part.source, address=below)
 
 
 def _called(person: Person) -> str:
