@@ -118,6 +118,11 @@ def signal_name(number: int) -> str:
         return f"signal {number}"
 
 
+def exit_text(status: int) -> str:
+    """Say how a process ended, from its status as Python has it: the signal, or the exit status."""
+    return signal_name(-status) if status < 0 else f"exit status {status}"
+
+
 class EndedBySignalError(KeyboardInterrupt):
     """A signal asked the program to end, which first cleans up behind itself."""
 

@@ -16,8 +16,7 @@ from other_labs import cut_wire, files_below, stage, starter, submission
 
 from lab3_usd.errors import UsageError
 from lab3_usd.grade.class_run import ClassSettings, grade_class
-from lab3_usd.grade.workers.cluster import cluster_runner
-from lab3_usd.grade.workers.dispatch import Dispatch
+from lab3_usd.grade.workers.cluster import Cluster, cluster_runner
 from lab3_usd.grade.workers.pool import run_tasks
 from lab3_usd.grade.workers.scheduler import Patience
 from lab3_usd.grade.workers.worker_process import WorkerError
@@ -106,7 +105,7 @@ def test_a_cluster_that_loses_all_workers_is_an_error_and_what_is_graded_stays(
     place: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
     # The machine may have answered once more before it is killed; the others are never sent.
-    monkeypatch.setattr("lab3_usd.grade.workers.dispatch._PER_THREAD", 1)
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster._PER_THREAD", 1)
     with (
         cluster_of(1, tmp_path / "temporary") as lone,
         pytest.raises(WorkerError, match=r"have gone; start others, .* --resume"),
@@ -133,22 +132,22 @@ def test_workers_are_waited_for_anew_each_time_that_they_go(
         scheduler=SimpleNamespace(ncores=None),
     )
     shipment = SimpleNamespace(status="finished")
-    monkeypatch.setattr("lab3_usd.grade.workers.dispatch.time.monotonic", lambda: now)
-    dispatch = Dispatch(client, "tcp://host:1", lambda: shipment, b"", print)
-    dispatch.look()
+    monkeypatch.setattr("lab3_usd.grade.workers.cluster.time.monotonic", lambda: now)
+    cluster = Cluster(client, "tcp://host:1", lambda: shipment, b"", print)
+    cluster.look()
     now = 19.0
-    dispatch.look()
+    cluster.look()
     known["tcp://host:2"] = 1  # it is back, and goes again
     now = 25.0
-    dispatch.look()
+    cluster.look()
     known.clear()
     now = 100.0
-    dispatch.look()
+    cluster.look()
     now = 119.0
-    dispatch.look()
+    cluster.look()
     now = 121.0
     with pytest.raises(WorkerError, match="have gone; start others"):
-        dispatch.look()
+        cluster.look()
 
 
 class ClosedCluster(NamedTuple):

@@ -570,7 +570,7 @@ class Ended:
 @pytest.mark.parametrize(
     ("status", "how"),
     [
-        (3, "ended the worker (status 3)"),
+        (3, "ended the worker (exit status 3)"),
         (-15, "ended by SIGTERM"),
         (-6, "crashed usd-core (SIGABRT)"),
         (-999, "crashed usd-core (signal 999)"),

@@ -50,6 +50,7 @@ from lab3_usd.grade.workers.worker_process import (
     never_stopped,
     start_worker,
 )
+from lab3_usd.pipeline import processes
 
 pytestmark = pytest.mark.usefixtures("forked_workers")
 
@@ -225,11 +226,11 @@ ENDS = {
     "parts": "ran out of time (3 s by the clock)",
     "crashes": "crashed usd-core (SIGSEGV)",
     "killed": "ended by SIGKILL",
-    "leaves": "ended the worker (status 7)",
+    "leaves": "ended the worker (exit status 7)",
     "nonsense": "answered nonsense",
     "list": "answered nonsense",
     "grows": "ran out of memory",
-    "endless": "ended the worker (status 0)",
+    "endless": "ended the worker (exit status 0)",
     "writes": "too large: answers more than 1 MB",
     "lines": "too large: answers more than 1 MB",
 }
@@ -624,7 +625,7 @@ def test_an_interrupt_waits_until_the_locks_of_the_answers_are_free_again(
         came_back.append(True)
         return wait(*args)
 
-    monkeypatch.setattr(pool, "wait", interrupted_wait)
+    monkeypatch.setattr(processes, "wait", interrupted_wait)
     inherited = signal.signal(signal.SIGINT, signal.default_int_handler)
     with pytest.raises(KeyboardInterrupt):
         list(run_tasks([task("well")], odd))

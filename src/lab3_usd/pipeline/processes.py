@@ -1,27 +1,153 @@
-"""Does work in several processes at once, and answers in the order of the work.
+"""Does work with several workers at once, each of which a thread asks, and ends them at the end.
 
-The executor of `concurrent.futures` gives up all work when one process ends, does not say which
-piece of it was the reason, and cannot end a process that is busy.
+A worker is a process, or a place on a cluster. What is tried again is for the one who asks it. The
+executor of `concurrent.futures` for processes gives up all work when one process ends, does not say
+which piece of it was the reason, and cannot end a process that is busy.
 """
 
 from __future__ import annotations
 
+import atexit
 import multiprocessing
 import os
+import queue
 import signal
 import sys
-from collections import deque
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+import threading
+from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
+from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from contextlib import closing, contextmanager, nullcontext, suppress
+from itertools import islice
 from multiprocessing import forkserver
-from multiprocessing.connection import Connection, wait
+from multiprocessing.connection import Connection
 from multiprocessing.process import BaseProcess
-from typing import Any, NamedTuple, TypeVar
+from types import FrameType
+from typing import Any, TypeVar
 
-from lab3_usd.errors import signal_name
+from lab3_usd.errors import EndedBySignalError, exit_text
+from lab3_usd.errors import interrupt as default_interrupt
 
+_Worker = TypeVar("_Worker")
 _Work = TypeVar("_Work")
 _Answer = TypeVar("_Answer")
+Stopped = Callable[[], bool]  # whether nobody waits for an answer any more
+_POLL_INTERVAL = 0.2  # seconds until an interrupt is looked at
+
+
+def answers_of(
+    works: Iterable[_Work],
+    workers: Sequence[_Worker],
+    ask: Callable[[_Worker, _Work, Stopped], _Answer],
+    end: Callable[[_Worker], object],
+) -> Generator[_Answer]:
+    """Yield what `ask` returns of a worker for each piece of work, as soon as it is there.
+
+    It is to return soon when it is stopped. Then all workers are ended, also by a signal.
+    """
+    executor = ThreadPoolExecutor(len(workers) or 1)
+    free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
+    for worker in workers:
+        free.put(worker)
+    is_over = False  # a signal sets it, which must not wait for a lock
+
+    def stop() -> None:
+        nonlocal is_over
+        is_over = True
+
+    def answer(work: _Work) -> _Answer:
+        worker = free.get()
+        try:
+            return ask(worker, work, lambda: is_over)
+        finally:
+            free.put(worker)
+
+    def end_all() -> None:
+        stop()
+        executor.shutdown(cancel_futures=True)
+        for worker in workers:
+            end(worker)
+
+    waiting = iter(works)
+    # An interrupt in the caller's code does not close this generator before the program ends.
+    atexit.register(end_all)
+    try:
+        with interrupted_by_signals(stop) as interrupt:
+            with interrupt.put_off():
+                # As many again wait, so that no worker is idle while the caller uses an answer.
+                first = islice(waiting, 2 * len(workers))
+                pending = {executor.submit(answer, work) for work in first}
+            while pending:
+                with interrupt.put_off():
+                    done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
+                    further = islice(waiting, len(done))
+                    pending.update(executor.submit(answer, work) for work in further)
+                for future in done:
+                    yield future.result()
+    finally:
+        end_all()
+        atexit.unregister(end_all)
+
+
+class _Interrupt:
+    """Raises EndedBySignalError at a signal, or after a part that must not be cut short.
+
+    The waiting for futures holds their locks: an exception in the middle of it would keep them
+    for ever, and the threads that want to give their answers with them.
+    """
+
+    def __init__(self) -> None:
+        self._is_put_off = False
+        self._has_come: EndedBySignalError | None = None
+
+    def come(self, number: int) -> None:
+        """Raise that this signal came, now or later."""
+        self._has_come = EndedBySignalError(number)
+        if not self._is_put_off:
+            raise self._has_come
+
+    @contextmanager
+    def put_off(self) -> Iterator[None]:
+        """Raise pending errors on exit."""
+        self._is_put_off = True
+        try:
+            yield
+        finally:
+            self._is_put_off = False
+        if self._has_come is not None:
+            raise self._has_come
+
+
+@contextmanager
+def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
+    """Call `stop` and raise EndedBySignalError once at SIGINT, SIGTERM or SIGHUP.
+
+    Signals that are ignored (`nohup`) or handled stay as they are. Only the main thread may handle
+    signals; in others nothing changes.
+    """
+    interrupt = _Interrupt()
+    handlers = {}
+    if threading.current_thread() is threading.main_thread():
+        numbers = {getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP")}
+        present = {number: signal.getsignal(number) for number in numbers if number is not None}
+        ours = (signal.SIG_DFL, signal.default_int_handler, default_interrupt)
+        handlers = {number: handler for number, handler in present.items() if handler in ours}
+
+    def handle(number: int, _frame: FrameType | None) -> None:
+        stop()
+        for each in handlers:  # cleaning up is not to be interrupted again
+            signal.signal(each, signal.SIG_IGN)
+        interrupt.come(number)
+
+    for number in handlers:
+        signal.signal(number, handle)
+    try:
+        yield interrupt
+    finally:
+        for number, handler in handlers.items():
+            with suppress(ValueError):  # a generator may be closed by another thread
+                signal.signal(number, handler)
+
+
 # macOS has threads of its own in a process, which a fork breaks; Windows cannot fork.
 _METHOD = "spawn" if sys.platform in {"darwin", "win32"} else "forkserver"
 # Imported once, by the server that all processes are forked from.
@@ -34,13 +160,7 @@ _ENVIRONMENT = {
 }
 _IS_SAFE_PATH_KNOWN = sys.version_info >= (3, 11)
 _SECONDS_TO_END = 5.0
-
-
-class _Process(NamedTuple):
-    """A process, and our end of the pipe over which it gets work and answers."""
-
-    process: BaseProcess
-    pipe: Connection
+_starting = threading.Lock()  # whoever starts a process also asks which of the others have ended
 
 
 def in_processes(
@@ -53,57 +173,69 @@ def in_processes(
 
     Where a process ends at its work, the answer is what `ended` returns for it and the reason.
     """
-    waiting = deque(enumerate(works))
-    answers: dict[int, tuple[_Answer, ...]] = {}
-    idle: list[_Process] = []
-    busy: dict[Any, tuple[_Process, int, _Work]] = {}
-    try:
-        for number in range(len(works)):
-            while number not in answers:
-                while waiting and len(busy) < jobs:
-                    process = idle.pop() if idle else _start(do)
-                    busy[process.pipe] = (process, *waiting.popleft())
-                    with suppress(OSError):  # an ended process is noticed at its answer
-                        process.pipe.send(busy[process.pipe][2])
-                for pipe in wait(busy):
-                    process, done, work = busy.pop(pipe)
-                    answers[done] = _answer(process, ended, work)
-                    if not process.pipe.closed:
-                        idle.append(process)
-            answer = answers.pop(number)
-            # What raised there raises here as well, with its place in the code.
-            yield answer[0] if answer else do(works[number])
-    finally:
-        for process in (*idle, *(process for process, _, _ in busy.values())):
-            process.process.kill()
-            process.process.join()
-
-
-def _start(do: Callable[[_Work], _Answer]) -> _Process:
-    context: Any = multiprocessing.get_context(_METHOD)
-    ours, theirs = context.Pipe()
-    process = context.Process(target=_serve, args=(theirs, do), daemon=True)
     if _METHOD == "forkserver":
         with _inherited():
             forkserver.set_forkserver_preload([_PRELOADED])
             forkserver.ensure_running()
-        with _later():
-            process.start()
-    else:
-        with _inherited():
-            process.start()
-    theirs.close()
-    return _Process(process, ours)
+    workers = [_Process(do) for _ in range(jobs)]
+    early: dict[int, tuple[Any, ...] | str] = {}
+    number = 0
+    with closing(
+        answers_of(enumerate(works), workers, _Process.ask, _Process.end)
+    ) as numbered_answers:
+        for place, answer in numbered_answers:
+            early[place] = answer
+            while number in early:
+                work, own = works[number], early.pop(number)
+                number += 1
+                if isinstance(own, str):
+                    yield ended(work, own)
+                else:  # what raised there raises here as well, with its place in the code
+                    yield own[0] if own else do(work)
 
 
-@contextmanager
-def _later() -> Iterator[None]:
-    """Delay Ctrl-C until this is done: an interrupted fork server prints an error."""
-    before = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
-    try:
-        yield
-    finally:
-        signal.pthread_sigmask(signal.SIG_SETMASK, before)
+class _Process:
+    """A process that does what it is sent, started when it is needed; another one after its end."""
+
+    def __init__(self, do: Callable[[Any], Any]) -> None:
+        self._do = do
+        self._process: BaseProcess | None = None
+        self._pipe: Any = None
+
+    def ask(self, work: tuple[int, Any], stopped: Stopped) -> tuple[int, tuple[Any, ...] | str]:
+        """Return the number of a piece of work and its answer, or how the process ended."""
+        if self._process is None:
+            self._start()
+        try:
+            with suppress(OSError):  # an ended process is noticed at its answer
+                self._pipe.send(work[1])
+            while not self._pipe.poll(_POLL_INTERVAL):
+                if stopped():
+                    return work[0], ()
+            return work[0], self._pipe.recv()
+        except (EOFError, OSError):
+            return work[0], exit_text(self.end(_SECONDS_TO_END))
+
+    def _start(self) -> None:
+        context: Any = multiprocessing.get_context(_METHOD)
+        with _starting:
+            self._pipe, theirs = context.Pipe()
+            self._process = context.Process(target=_serve, args=(theirs, self._do), daemon=True)
+            with nullcontext() if _METHOD == "forkserver" else _inherited():
+                self._process.start()
+            theirs.close()
+
+    def end(self, seconds: float = 0.0) -> int:
+        """End the process, unless it ends by itself in so many seconds, and return its status."""
+        process, self._process = self._process, None
+        if process is None:
+            return 0
+        with _starting:
+            process.join(seconds)
+            process.kill()
+            process.join()
+        self._pipe.close()
+        return process.exitcode or 0
 
 
 @contextmanager
@@ -113,7 +245,8 @@ def _inherited() -> Iterator[None]:
     Python 3.10 knows no safe path: it starts where only its own modules are, and then goes back.
     """
     before = {name: os.environ.get(name) for name in _ENVIRONMENT}
-    handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    is_main = threading.current_thread() is threading.main_thread()  # others handle no signals
+    handler = signal.signal(signal.SIGINT, signal.SIG_IGN) if is_main else None
     os.environ.update(_ENVIRONMENT)
     here = "" if _IS_SAFE_PATH_KNOWN else os.getcwd()  # noqa: PTH109 - as the system has it
     if here:
@@ -123,36 +256,21 @@ def _inherited() -> Iterator[None]:
     finally:
         if here:
             os.chdir(here)
-        signal.signal(signal.SIGINT, handler)
+        if is_main:
+            signal.signal(signal.SIGINT, handler)
         for name, value in before.items():
             os.environ.pop(name)
             os.environ.update({} if value is None else {name: value})
 
 
-def _answer(
-    process: _Process, ended: Callable[[_Work, str], _Answer], work: _Work
-) -> tuple[_Answer, ...]:
-    try:
-        answer: tuple[_Answer, ...] = process.pipe.recv()
-    except (EOFError, OSError):
-        process.pipe.close()
-        process.process.join(_SECONDS_TO_END)
-        process.process.kill()
-        process.process.join()
-        code = process.process.exitcode or 0
-        reason = signal_name(-code) if code < 0 else f"exit status {code}"
-        return (ended(work, reason),)
-    return answer
-
-
-def _serve(pipe: Connection, do: Callable[[_Work], _Answer]) -> None:
+def _serve(pipe: Connection, do: Callable[[Any], Any]) -> None:
     """Do what comes, until nothing more can come; an empty answer means that it raised."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)  # not every system lets it be inherited
     with suppress(EOFError, OSError):
         while True:
             work = pipe.recv()
             try:
-                answer: tuple[_Answer, ...] = (do(work),)
+                answer: tuple[Any, ...] = (do(work),)
             except Exception:  # noqa: BLE001 - the one who asked does it again, and raises
                 answer = ()
             pipe.send(answer)

@@ -18,7 +18,7 @@ from typing import IO, NamedTuple, NoReturn, TypeVar
 from msgspec import Struct
 
 from lab3_usd.data import LAB_VARIABLE, PACKAGE
-from lab3_usd.errors import Lab3Error, signal_name
+from lab3_usd.errors import Lab3Error, exit_text
 from lab3_usd.grade.awake import AwakeClock
 from lab3_usd.grade.intake.scratch import make_scratch, remove_scratch
 from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
@@ -68,13 +68,13 @@ def how_it_ended(process: subprocess.Popen[bytes], memory: int, seconds: float) 
     if not ended:
         return ProcessEnd(CLOSED)
     status, peak, processor = _figures(process)
-    name = signal_name(-status)
+    name = exit_text(status)
     if name == _OUT_OF_TIME:
         return ProcessEnd(OUT_OF_TIME, processor=processor)
     if peak > memory:
         return ProcessEnd(OUT_OF_MEMORY, processor=processor)
     if status >= 0:
-        return ProcessEnd(f"ended the worker (status {status})", processor=processor)
+        return ProcessEnd(f"ended the worker ({name})", processor=processor)
     external = name in _FROM_OUTSIDE
     return ProcessEnd(
         f"{KILLED} {name}" if external else f"{CRASHED} ({name})", external, processor
