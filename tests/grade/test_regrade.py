@@ -53,9 +53,11 @@ def another(tmp_path: Path) -> Path:
 
 def test_a_misspelt_student_is_guessed(book: Path) -> None:
     of_class = read_gradebook(book)
-    with pytest.raises(UsageError, match=r"janes: no such student; did you mean jane\?"):
+    with pytest.raises(UsageError, match=r"no student is called 'janes'; did you mean jane\?"):
         student_in(of_class, "janes")
-    with pytest.raises(UsageError, match=r"xavier: no such student$"):
+    with pytest.raises(
+        UsageError, match=r"no student is called 'xavier'; give the number of grades.csv$"
+    ):
         student_in(of_class, "xavier")
 
 
@@ -80,7 +82,7 @@ def test_a_terminal_has_the_sum_folded(book: Path, monkeypatch: pytest.MonkeyPat
 
 
 def test_a_student_who_is_not_there_is_named(book: Path) -> None:
-    with pytest.raises(UsageError, match="nobody: no such student"):
+    with pytest.raises(UsageError, match="no student is called 'nobody'"):
         student_in(read_gradebook(book), "nobody")
 
 

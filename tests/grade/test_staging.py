@@ -14,6 +14,7 @@ from typing import Any
 
 import pytest
 
+from lab3_usd.grade.intake import submission_copy
 from lab3_usd.grade.intake.archives import unpack
 from lab3_usd.grade.intake.staging import (
     Source,
@@ -135,7 +136,7 @@ def test_a_full_disk_is_nobodys_fault(tmp_path: Path, monkeypatch: pytest.Monkey
     def full(*_arguments: Any) -> None:
         raise OSError(28, "No space left on device")
 
-    monkeypatch.setattr(SubmissionCopy, "_write", full)
+    monkeypatch.setattr(submission_copy, "_copied", full)
     with pytest.raises(UnreachedError, match="No space"):
         staged(tmp_path, Source(archive))
 

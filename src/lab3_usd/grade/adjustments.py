@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import re
 from collections.abc import Iterable, Iterator, Mapping, Sequence
 from datetime import datetime, timedelta
@@ -16,7 +14,7 @@ from lab3_usd.errors import UsageError
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.files import write_whole
 from lab3_usd.grade.rubric import Rubric
-from lab3_usd.grade.text_table import TextTable, read_text_table
+from lab3_usd.grade.text_table import TextTable, csv_line, read_text_table
 
 ADJUSTMENTS, LATE = "adjustments.csv", "late.csv"  # the copies that the gradebook keeps
 _COLUMNS = ("student", "item", "points", "text")
@@ -96,21 +94,20 @@ class _Lines(Struct, frozen=True):
         return len(re.findall(r"\r\n|\r|\n", before)) + 1
 
 
-class _Roll:
+class Roll:
     """The students of a class, by number and by name."""
 
     def __init__(self, students: Iterable[tuple[str, str]]) -> None:
-        self.numbers: set[str] = set()
+        self.people = dict(students)
         self.names: dict[str, list[str]] = {}
-        for student, name in students:
-            self.numbers.add(student)
+        for student, name in self.people.items():
             self.names.setdefault(name.casefold(), []).append(student)
 
     def called(self, name: str) -> list[str]:
         """Return the numbers of those who may be meant."""
-        return [name] if name in self.numbers else self.names.get(name.casefold(), [])
+        return [name] if name in self.people else self.names.get(name.casefold(), [])
 
-    def student(self, name: str, place: str) -> str:
+    def student(self, name: str) -> str:
         """Return the number of the student of this number or name.
 
         Raises:
@@ -119,10 +116,17 @@ class _Roll:
         called = self.called(name)
         if len(called) != 1:
             what = "several students have the name" if called else "no student is called"
-            near = None if called else likely_name(name, {*self.numbers, *self.names})
+            near = None if called else likely_name(name, {*self.people, *self.people.values()})
             ways = did_you_mean(near) or "; give the number of grades.csv"
-            raise UsageError(f"{place}: {what} '{name}'{ways}")
+            raise UsageError(f"{what} '{name}'{ways}")
         return called[0]
+
+    def student_at(self, place: str, name: str) -> str:
+        """Return the number of a student who is named at a place of a file (see `student`)."""
+        try:
+            return self.student(name)
+        except UsageError as error:
+            raise UsageError(f"{place}: {error}") from error
 
 
 def decisions_in(
@@ -136,7 +140,7 @@ def decisions_in(
         UsageError: a file is no such table, or a line names an unknown student or item, has no
             text, wrong points or days, or repeats another one.
     """
-    roll = _Roll(students)
+    roll = Roll(students)
     kept, decided = _lines(out / ADJUSTMENTS), _lines(given.decisions)
     kept_late, given_late = _lines(out / LATE), _lines(given.late)
     counted, late = decided or kept, given_late or kept_late
@@ -149,11 +153,20 @@ def decisions_in(
         own[WHOLE] = whole if whole.days is not None else replace(whole, days=late_line.days)
     replaced = ((kept, decided), (kept_late, given_late))
     dropped = tuple(line for before, now in replaced for line in _dropped(before, now, roll))
-    for table, name in ((given.decisions, ADJUSTMENTS), (given.late, LATE)):
-        copy = out / name
-        if table is not None and not (copy.exists() and copy.samefile(table)):
-            write_whole(copy, table.read_bytes(), force=True)
+    keep_copy(out / ADJUSTMENTS, given.decisions)
+    keep_copy(out / LATE, given.late)
     return Decisions(by_student, dropped)
+
+
+def keep_copy(copy: Path, file: Path | None) -> None:
+    """Keep a copy of a file that was given in the gradebook that is made by it.
+
+    Raises:
+        UsageError: it cannot be written.
+        NoRoomError: the disk is full.
+    """
+    if file is not None and not (copy.exists() and copy.samefile(file)):
+        write_whole(copy, file.read_bytes(), force=True)
 
 
 def _lines(path: Path | None) -> _Lines | None:
@@ -170,7 +183,7 @@ def _need(lines: _Lines, columns: Sequence[str]) -> None:
         raise UsageError(f"{lines.path}: needs the columns {', '.join(columns)}")
 
 
-def _adjustments(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, dict[str, Adjustment]]:
+def _adjustments(lines: _Lines, rubric: Rubric, roll: Roll) -> dict[str, dict[str, Adjustment]]:
     """Return what a table of decisions says, by student and item."""
     _need(lines, _COLUMNS)
     points = {item.id: item.points for item in rubric.items}
@@ -179,7 +192,7 @@ def _adjustments(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, dict[s
     for row in lines.table.lines:
         student, item, amount, text = (lines.value(row, name) for name in _COLUMNS)
         line, place = lines.line(row), lines.place(row)
-        own = by_student.setdefault(roll.student(student, place), {})
+        own = by_student.setdefault(roll.student_at(place, student), {})
         if item not in points:
             item_ids = ", ".join(filter(None, points))
             raise UsageError(f"{place}: the rubric has no item '{item}'; it has {item_ids}")
@@ -215,7 +228,7 @@ def _points(amount: str, most: float, place: str) -> float | None:
     return points
 
 
-def _late(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, Adjustment]:
+def _late(lines: _Lines, rubric: Rubric, roll: Roll) -> dict[str, Adjustment]:
     """Return who is late by a table of days, or of times and deadlines; a day begun counts."""
     is_counted = _LATE_DAYS in lines.columns
     if not is_counted and not lines.columns.keys() >= {_STUDENT, *_TIMES}:
@@ -231,7 +244,7 @@ def _late(lines: _Lines, rubric: Rubric, roll: _Roll) -> dict[str, Adjustment]:
         days = _days(lines, row, place) if is_counted else _days_after(lines, row, place)
         if days is None or (not days and not roll.called(name)):
             continue  # who did not hand in is in the table too
-        student = roll.student(name, place)
+        student = roll.student_at(place, name)
         if student in late_by_student:
             raise UsageError(f"{place}: {student} is in line {late_by_student[student].line} too")
         late_by_student[student] = Adjustment(
@@ -270,7 +283,7 @@ def _time(text: str, place: str) -> datetime:
         raise UsageError(f"{place}: '{text}' is not a time, such as 2026-11-20 23:59") from error
 
 
-def _dropped(before: _Lines | None, now: _Lines | None, roll: _Roll) -> Iterator[str]:
+def _dropped(before: _Lines | None, now: _Lines | None, roll: Roll) -> Iterator[str]:
     """Yield what is told of the lines of a table that the new one has not, as they stood there.
 
     A line with the same student and item takes the place of the earlier one; a student without a
@@ -290,6 +303,4 @@ def _dropped(before: _Lines | None, now: _Lines | None, roll: _Roll) -> Iterator
         lines = f"{len(gone)} line{'s' * (len(gone) != 1)}"
         yield f"{lines} of the table before no longer count; to keep them, add to the new one:"
     for row in gone:
-        line = io.StringIO(newline="")
-        csv.writer(line).writerow(before.value(row, name) for name in before.form)
-        yield "    " + line.getvalue().rstrip("\r\n")
+        yield f"    {csv_line(before.value(row, name) for name in before.form).rstrip()}"

@@ -16,7 +16,7 @@ from lab3_usd.data import lab_folder, own_lab
 from lab3_usd.deliverables.maps import MapError, SuppliedMap, supplied_map
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.files import write_whole
-from lab3_usd.grade.adjustments import Tables, decisions_in
+from lab3_usd.grade.adjustments import Tables, decisions_in, keep_copy
 from lab3_usd.grade.gradebook import (
     MAP,
     Rows,
@@ -32,7 +32,7 @@ from lab3_usd.grade.intake.staging import Source
 from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.intake.submissions import StudentSubmission, find_submissions, submissions_in
 from lab3_usd.grade.lock import locked
-from lab3_usd.grade.regrade import adjust, keep_rubric, rubric_of
+from lab3_usd.grade.regrade import adjust, rubric_of
 from lab3_usd.grade.rubric import Rubric, load_rubric
 from lab3_usd.grade.shared_reports import MOST_NAMED
 from lab3_usd.grade.workers.pool import Runner, run_tasks
@@ -40,6 +40,7 @@ from lab3_usd.grade.workers.sandbox import WALLS
 from lab3_usd.grade.workers.submission_grading import ungraded_record
 from lab3_usd.grade.workers.worker_messages import Json, PoolSettings, Task, status_of
 from lab3_usd.report.options import tool_version
+from lab3_usd.spec.lab import RUBRIC
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read.server_assets import assets_at
 
@@ -124,7 +125,7 @@ def _graded(
         ]
         people = [(submission.student, submission.name) for submission in submissions]
         decisions = decisions_in(settings.out, settings.by_hand, rubric, people)
-        keep_rubric(settings.out, settings.rubric)
+        keep_copy(settings.out / RUBRIC, settings.rubric)
         supplied = _map_of(settings)
         if supplied is not None:
             write_whole(settings.out / MAP, msgspec.json.encode(supplied), force=True)

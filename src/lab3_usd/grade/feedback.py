@@ -7,7 +7,6 @@ rubric_assessment_import.rb. Nothing was tried on a live platform.
 
 from __future__ import annotations
 
-import csv
 import io
 import zipfile
 from collections.abc import Callable, Iterable, Iterator, Mapping
@@ -23,6 +22,7 @@ from lab3_usd.grade.gradebook import STUDENTS, lost_by
 from lab3_usd.grade.intake.people import CANVAS_USER, MOODLE_NUMBER
 from lab3_usd.grade.rosters import PLATFORMS
 from lab3_usd.grade.shared_reports import REPORTS
+from lab3_usd.grade.text_table import csv_line
 from lab3_usd.report.safe_text import CELL_LIMIT, visible
 
 NAME = "lab3-report.html"  # not the name of anything that was handed in
@@ -103,10 +103,8 @@ def _canvas(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterato
 def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> Returned:
     """Write points and comments for each criterion, called as the items are."""
     rows, titles = _rows(book), {item["id"]: item["title"] for item in book["items"]}
-    text = io.StringIO(newline="")
-    table = csv.writer(text)
     parts = ("Points", "Comments", "Rating")
-    table.writerow(["Student Id", *(f"{t} - {part}" for t in titles.values() for part in parts)])
+    lines = [["Student Id", *(f"{t} - {part}" for t in titles.values() for part in parts)]]
     returned = [(row.ids[CANVAS_USER], rows[student]) for row, student in export.returned
              if CANVAS_USER in row.ids]  # fmt: skip
     for number, row in returned:
@@ -114,12 +112,12 @@ def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> R
         for item in row["items"]:
             is_open = item["state"] in {"open", "blocked"}
             told = [line.text for line in lost_by(dict(row), item["id"]) if line.is_shown]
-            lines = [visible(part) for text in told for part in text.splitlines()]
+            reasons = [visible(part) for text in told for part in text.splitlines()]
             # The comment begins with a word, since a sign would be a formula.
-            comment = "\n".join(["Points:", *lines])[:CELL_LIMIT] if lines else ""
+            comment = "\n".join(["Points:", *reasons])[:CELL_LIMIT] if reasons else ""
             cells += ["" if is_open else f"{item['earned']:g}", comment, ""]
-        table.writerow([number, *cells])
-    write_whole(path, text.getvalue().encode(), force=True)
+        lines.append([number, *cells])
+    write_whole(path, "".join(map(csv_line, lines)).encode(), force=True)
     return Returned(path, len(returned))
 
 

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-import csv
-import io
 import json
 from collections.abc import Iterable, Iterator, Mapping, Sequence, Sized
 from fnmatch import fnmatchcase
@@ -29,6 +27,7 @@ from lab3_usd.grade.shared_reports import (
     shared_folder,
     write_shared,
 )
+from lab3_usd.grade.text_table import csv_line
 from lab3_usd.model.finding import Report
 from lab3_usd.model.grade import GradeItem, GradeSummary, LostPoints
 from lab3_usd.report.formats.registry import render
@@ -173,31 +172,25 @@ def check_target(out: Path, *, resume: bool) -> None:
     if (holds or half) and not resume:
         raise UsageError(f"{out}: is not empty; choose another folder, or continue with --resume")
     foreign = sorted(holds - {STUDENTS, REPORTS, *_TABLES, *_EXPORTS})
+    for folder in sorted((*out.glob(f"{STUDENTS}/*"), *out.glob(f"{REPORTS}/*"))):
+        foreign += [path.relative_to(out).as_posix() for path in _foreign_in(folder)]
     if foreign:
         raise UsageError(
             f"{out}: holds {foreign[0]}, which is not part of a gradebook; choose another folder"
         )
-    for folder in sorted((*out.glob(f"{STUDENTS}/*"), *out.glob(f"{REPORTS}/*"))):
-        _refuse_foreign(out, folder)
 
 
-def _refuse_foreign(out: Path, folder: Path) -> None:
-    """Refuse a folder with more than reports, of a student or of all: it may be what was handed in.
+def _foreign_in(folder: Path) -> list[Path]:
+    """Return what a folder of reports, of a student or of all, has of others.
 
-    Raises:
-        UsageError: it has more, or is none.
+    It may be what was handed in, as may be what is no folder.
     """
-    if folder.is_dir() and not folder.is_symlink():
-        half = {path.name for path in leftover_files(folder, _FILES)}
-        names = {path.name for path in folder.iterdir()} - {*_FILES} - half
-    else:
-        names = {""}
-    foreign = sorted(name for name in names if not _is_litter(name or folder.name))
-    if foreign:
-        name = (folder / foreign[0]).relative_to(out).as_posix()
-        raise UsageError(
-            f"{out}: holds {name}, which is not part of a gradebook; choose another folder"
-        )
+    if not folder.is_dir() or folder.is_symlink():
+        return [] if _is_litter(folder.name) else [folder]
+    ours = {*(folder / name for name in _FILES), *leftover_files(folder, _FILES)}
+    return sorted(
+        path for path in folder.iterdir() if path not in ours and not _is_litter(path.name)
+    )
 
 
 def _is_litter(name: str) -> bool:
@@ -389,7 +382,7 @@ def _csv_lines(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
     """Yield the lines of the table of grades; they end in CR LF, and no cell is a formula."""
     names = [item.id for item in rubric.items]
     team = [TEAM_COLUMN] if has_teams(rubric.files) else []
-    yield _line(map(safe_cell, [*COLUMNS[:2], *team, *COLUMNS[2:-1], *names, COLUMNS[-1]]))
+    yield _line([*COLUMNS[:2], *team, *COLUMNS[2:-1], *names, COLUMNS[-1]])
     for row in rows:
         earned = {item["id"]: item for item in row["items"]}
         cells = [row["student"], row["name"], *(row.get(key, "") for key in team)]
@@ -400,13 +393,11 @@ def _csv_lines(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
         for name in names:  # blocked and open items have no points
             has_points = earned[name]["state"] not in {"blocked", "open"}
             cells.append(_number(earned[name]["earned"]) if has_points else "")
-        yield _line(map(safe_cell, [*cells, _remarks_text(row)]))
+        yield _line([*cells, _remarks_text(row)])
 
 
 def _line(cells: Iterable[str]) -> bytes:
-    line = io.StringIO(newline="")
-    csv.writer(line).writerow(cells)
-    return line.getvalue().encode("utf-8", "replace")
+    return csv_line(map(safe_cell, cells)).encode("utf-8", "replace")
 
 
 def _number(value: float | None) -> str:

@@ -13,9 +13,16 @@ from msgspec import Struct, to_builtins
 from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
-from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.files import write_whole
-from lab3_usd.grade.adjustments import ByItem, Decisions, Tables, days_text, decisions_in
+from lab3_usd.grade.adjustments import (
+    ByItem,
+    Decisions,
+    Roll,
+    Tables,
+    days_text,
+    decisions_in,
+    keep_copy,
+)
 from lab3_usd.grade.deductions import carried_text
 from lab3_usd.grade.gradebook import (
     GRADESCOPE,
@@ -115,15 +122,9 @@ def student_in(book: Row, name: str) -> Row:
     Raises:
         UsageError: there is none, or several are called so.
     """
-    rows = book["students"]
-    namesakes = [row for row in rows if row["student"] == name]
-    namesakes = namesakes or [row for row in rows if row["name"].casefold() == name.casefold()]
-    if len(namesakes) > 1:
-        raise UsageError(f"{name}: several students have this name; give the number")
-    if not namesakes:
-        names = {row["name"] or row["student"] for row in rows} | {row["student"] for row in rows}
-        raise UsageError(f"{name}: no such student{did_you_mean(likely_name(name, names))}")
-    return dict(namesakes[0])
+    roll = Roll((row["student"], row["name"]) for row in book["students"])
+    student = roll.student(name)
+    return next(dict(row) for row in book["students"] if row["student"] == student)
 
 
 def sum_of(book: Row, row: Row) -> Iterator[str]:
@@ -163,18 +164,6 @@ def rubric_of(out: Path, given: Path | None) -> Path | None:
     return copy if given is None and copy.is_file() else given
 
 
-def keep_rubric(out: Path, rubric: Path | None) -> None:
-    """Keep a copy of a rubric that is not the lab's in the gradebook that is made by it.
-
-    Raises:
-        UsageError: it cannot be written.
-        NoRoomError: the disk is full.
-    """
-    copy = out / RUBRIC
-    if rubric is not None and not (copy.exists() and copy.samefile(rubric)):
-        write_whole(copy, rubric.read_bytes(), force=True)
-
-
 def regrade(
     out: Path,
     given: Path | None,
@@ -197,35 +186,34 @@ def regrade(
     file = rubric_of(out, given)
     rubric = load_rubric(file, lab)
     with locked(out, force=force):
-        students = read_gradebook(out)["students"]
-        rows = [_recorded(out, student) for student in students]
-        people = [(row["student"], row["name"]) for row, _ in rows]
-        decisions = decisions_in(out, by_hand, rubric, people) or Decisions({})
-        keep_rubric(out, file)
-        grades = [
-            ChangedGrade(
-                row["student"],
-                msgspec.convert(row, Grade),
-                _regraded(out, rubric, row, facts, decisions.by_student.get(row["student"], {})),
-            )
-            for row, facts in rows
-        ]
         submissions = [  # what was handed in is not needed again
             StudentSubmission(row["student"], row["name"], row["folder"], (), row["late"])
-            for row, _ in rows
+            for row in read_gradebook(out)["students"]
         ]
+        results = [_recorded(out, submission) for submission in submissions]
+        people = [(submission.student, submission.name) for submission in submissions]
+        decisions = decisions_in(out, by_hand, rubric, people) or Decisions({})
+        keep_copy(out / RUBRIC, file)
+        grades = []
+        for row, facts in results:
+            student = row["student"]
+            late = row["late"] or student in rubric.late.students
+            points = grade_facts(rubric, facts, decisions.by_student.get(student, {}), late=late)
+            grades.append(ChangedGrade(student, msgspec.convert(row, Grade), points))
+            # Neither this rubric nor the starter made these findings: --resume judges them again.
+            _write_points(out, rubric, row | {"late": late, "salt": ""}, points)
         write_tables(out, submissions, rubric)
     return Regrade(tuple(grade for grade in grades if grade.changes), decisions.dropped)
 
 
-def _recorded(out: Path, student: Row) -> tuple[Row, SubmissionFacts]:
+def _recorded(out: Path, submission: StudentSubmission) -> tuple[Row, SubmissionFacts]:
     """Return the result of a student, and what was found in the submission."""
     try:
-        row = json.loads((out / STUDENTS / student["folder"] / RESULT).read_bytes())
+        row = read_result(out, submission) or {}
         return row, msgspec.convert(row["facts"], SubmissionFacts)
-    except (OSError, ValueError, KeyError, TypeError) as error:
+    except (ValueError, KeyError) as error:
         raise UsageError(
-            f"{out}: the result of {student['student']} does not say what was found; "
+            f"{out}: the result of {submission.student} does not say what was found; "
             "grade again with --resume"
         ) from error
 
@@ -238,25 +226,13 @@ def adjust(
 ) -> None:
     """Give the results of a run what the grader decided by hand, where they do not have it yet."""
     for submission in submissions:
-        result = read_result(out, submission)
-        if result is None:
+        if read_result(out, submission) is None:
             continue
-        row, facts = _recorded(out, result)
+        row, facts = _recorded(out, submission)
         own = by_hand.get(submission.student, {})
         points = grade_facts(rubric, facts, own, late=row["late"])
         if msgspec.convert(row, Grade) != points:
             _write_points(out, rubric, row, points)
-
-
-def _regraded(
-    out: Path, rubric: Rubric, row: Row, facts: SubmissionFacts, by_hand: ByItem
-) -> Grade:
-    """Write the points of a student by a rubric, and return them."""
-    late = row["late"] or row["student"] in rubric.late.students
-    points = grade_facts(rubric, facts, by_hand, late=late)
-    # Neither this rubric nor the starter made these findings: --resume judges them again.
-    _write_points(out, rubric, row | {"late": late, "salt": ""}, points)
-    return points
 
 
 def _write_points(out: Path, rubric: Rubric, row: Row, points: Grade) -> None:

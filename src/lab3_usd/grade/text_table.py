@@ -1,10 +1,12 @@
-"""Reads a table of text so that cells can be filled in and every other byte stays as it was."""
+"""Reads and writes tables of text; where cells are filled in, every other byte stays."""
 
 from __future__ import annotations
 
 import codecs
+import csv
+import io
 import re
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 
 from msgspec import Struct
@@ -108,6 +110,13 @@ def _rows(text: str, delimiter: str, path: Path) -> tuple[tuple[Cell, ...], ...]
         cells = []
         start += 2 if text.startswith("\r\n", start) else 1
     return tuple(rows)
+
+
+def csv_line(cells: Iterable[str]) -> str:
+    """Return a line of a table with commas, which ends in CR LF."""
+    line = io.StringIO(newline="")
+    csv.writer(line).writerow(cells)
+    return line.getvalue()
 
 
 def filled_bytes(table: TextTable, values: Mapping[tuple[int, int], str]) -> bytes:
