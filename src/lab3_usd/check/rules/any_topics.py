@@ -31,7 +31,7 @@ from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.qos import Qos
 
 
-def _severity(*ends: Endpoint, subject: ModelSubject) -> Severity | None:
+def severity_of(*ends: Endpoint, subject: ModelSubject) -> Severity | None:
     """Return the severity of a fault between these, milder where it is not sure that they meet.
 
     The environment of a lab names no domain but the lab's.
@@ -74,7 +74,7 @@ def two_publishers(subject: ModelSubject) -> Iterator[Problem]:
                     property=endpoint.port,
                     expected="a topic of its own",
                     actual=endpoint.topic,
-                    severity=_severity(right, endpoint, subject=subject),
+                    severity=severity_of(right, endpoint, subject=subject),
                 )
             else:
                 again.setdefault(graph_of(endpoint), []).append((endpoint, topic))
@@ -84,7 +84,7 @@ def two_publishers(subject: ModelSubject) -> Iterator[Problem]:
         rivals = [other for endpoint, topic in repeats for other in topic.rivals(endpoint)]
         paths = [end.node.path for end in (*(end for end, _ in repeats[1:]), *rivals)]
         grades = {
-            _severity(endpoint, other, subject=subject)
+            severity_of(endpoint, other, subject=subject)
             for endpoint, topic in repeats
             for other in topic.rivals(endpoint)
         }
@@ -154,29 +154,19 @@ def two_types(subject: ModelSubject) -> Iterator[Problem]:
         if is_twice or plays_role(endpoint, subject):
             continue
         wanted = wanted_topic(endpoint, subject)
-        expected = other.type if wanted is None else wanted.type
-        if endpoint.type == expected:
-            continue
-        ends = (other, endpoint) if wanted is None else (endpoint,)
-        severity = _severity(*ends, subject=subject)
-        if wanted is None and isinstance(subject, StageSubject):
-            severity = "warning"
-        as_other = f", and {other.node.path} {other.direction} it as {other.type}"
-        yield Problem(
-            endpoint.node.path,
-            f"{endpoint.direction} {endpoint.topic} as {endpoint.type}"
-            f"{as_other if wanted is None else ''}",
-            property=endpoint.port,
-            expected=expected,
-            actual=endpoint.type,
-            handout=None if wanted is None else wanted.handout,
-            related=(other.node.path,) if wanted is None else (),
-            severity=severity,
-            fix=removal_or_repair(subject, endpoint.node.path, endpoint.port, severity)
-            if isinstance(subject, StageSubject)
-            else (),
-            assumes=assumed(endpoint, subject),
-        )
+        expected, rivals = (other.type, [other]) if wanted is None else (wanted.type, [])
+        if endpoint.type != expected:
+            problem = Problem(
+                endpoint.node.path,
+                f"{endpoint.direction} {endpoint.topic} as {endpoint.type}"
+                + "".join(f", and {e.node.path} {e.direction} it as {e.type}" for e in rivals),
+                property=endpoint.port,
+                expected=expected,
+                actual=endpoint.type,
+                related=tuple(rival.node.path for rival in rivals),
+            )
+            severity = severity_of(endpoint, *rivals, subject=subject)
+            yield _judged(problem, endpoint, severity, subject)
 
 
 _STATIC, _MOVING = "/tf_static", "/tf"
@@ -204,38 +194,41 @@ def static_transforms(subject: ModelSubject) -> Iterator[Problem]:
         is_sent = endpoint.direction == "publishes" and endpoint.runs and endpoint.topic
         if not is_sent or endpoint.qos is None or plays_role(endpoint, subject):
             continue
-        ports = None if endpoint.node.type is None else endpoint.node.type.tf
         wanted = wanted_topic(endpoint, subject)
+        asked = None if wanted is None else wanted.durability
+        ports = None if endpoint.node.type is None else endpoint.node.type.tf
+        problem = None
         if ports is not None and ports.static is not None:
             problem = _of_transforms(endpoint, endpoint.qos, ports.static, subject)
-        elif wanted is not None and wanted.durability not in (None, endpoint.qos.durability):
-            problem = _of_topic(endpoint, endpoint.qos, wanted.durability)
-        else:
-            continue
-        if problem is None:
-            continue
-        severity: Severity | None = None if endpoint.sure else "warning"
-        if not isinstance(subject, StageSubject):
-            yield replace(problem, severity=severity)
-            continue
-        severity = "warning" if wanted is None else severity
-        path = endpoint.node.path
-        yield replace(
-            problem,
-            severity=severity,
-            handout=None if wanted is None else wanted.handout,
-            fix=removal_or_repair(subject, path, problem.property, severity),
-            assumes=assumed(endpoint, subject),
-        )
+        elif asked not in (None, endpoint.qos.durability):
+            problem = Problem(
+                endpoint.node.path,
+                f"publishes {endpoint.topic} with durability {endpoint.qos.durability}",
+                property=endpoint.port,
+                expected=asked,
+                actual=endpoint.qos.durability,
+            )
+        if problem is not None:
+            yield _judged(problem, endpoint, severity_of(endpoint, subject=subject), subject)
 
 
-def _of_topic(endpoint: Endpoint, qos: Qos, wanted: str | None) -> Problem:
-    return Problem(
-        endpoint.node.path,
-        f"publishes {endpoint.topic} with durability {qos.durability}",
-        property=endpoint.port,
-        expected=wanted,
-        actual=qos.durability,
+def _judged(
+    problem: Problem, endpoint: Endpoint, severity: Severity | None, subject: ModelSubject
+) -> Problem:
+    """Return the problem of an endpoint, in a lab with its repair.
+
+    There it is a warning at a topic of which nothing is asked.
+    """
+    if not isinstance(subject, StageSubject):
+        return replace(problem, severity=severity)
+    wanted, path = wanted_topic(endpoint, subject), endpoint.node.path
+    severity = "warning" if wanted is None else severity
+    return replace(
+        problem,
+        severity=severity,
+        handout=None if wanted is None else wanted.handout,
+        fix=removal_or_repair(subject, path, problem.property, severity),
+        assumes=assumed(endpoint, subject),
     )
 
 
