@@ -60,23 +60,35 @@ class Qos(Struct, frozen=True):
         )
 
 
+def refusal(asked: Qos, offered: Qos) -> str:
+    """Say what a subscriber with one profile asks for and a publisher does not offer, '' for none.
+
+    Such two are not matched (DDS).
+    """
+    if asked.reliability == "reliable" and offered.reliability == "best_effort":
+        return "reliable, and best effort is offered"
+    if asked.durability == "transient_local" and offered.durability == "volatile":
+        return "transient local, and volatile is offered"
+    for limit, least, name in (
+        (asked.deadline, offered.deadline, "deadline"),
+        (asked.lease_duration, offered.lease_duration, "lease"),
+    ):
+        if limit and (not least or least > limit):
+            given = f"one of {least:g} s" if least else "none"
+            return f"a {name} of {limit:g} s, and {given} is offered"
+    if asked.liveliness == "manual_by_topic" != offered.liveliness:
+        return "manual liveliness, and automatic is offered"
+    return ""
+
+
 def unmatched(direction: Direction, kind: str, qos: Qos) -> str:
     """Say which usual peer an endpoint cannot be matched with, and why; '' where it can.
 
     `kind` is the type of its messages.
     """
-    there = qos.opened(direction)
-    if direction == "publishes":
-        if kind == TRANSFORMS and there.reliability == "best_effort":
-            return f"{LISTENER} asks for reliable, and it offers best effort"
-        return ""
-    asked = ""
-    if there.durability == "transient_local":
-        asked = "transient local, which is offered volatile"
-    elif there.deadline > 0:
-        asked = f"a deadline of {there.deadline:g} s, and none is offered"
-    elif there.liveliness == "manual_by_topic":
-        asked = "manual liveliness, which is offered automatic"
-    elif there.lease_duration > 0:
-        asked = f"a lease of {there.lease_duration:g} s, and none is offered"
-    return f"it receives nothing from {TELEOP}: it asks for {asked}" if asked else ""
+    own, peer = qos.opened(direction), Qos()
+    if direction == "subscribes":
+        asked = refusal(own, peer)
+        return f"it receives nothing from {TELEOP}: it asks for {asked}" if asked else ""
+    asked = refusal(peer, own) if kind == TRANSFORMS else ""
+    return f"{LISTENER} asks for {asked}" if asked else ""

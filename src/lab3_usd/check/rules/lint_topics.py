@@ -8,6 +8,7 @@ from itertools import combinations
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, VERSION, can_become
+from lab3_usd.check.rules.any_topics import severity_of
 from lab3_usd.facts.domains import are_surely_one, domain_of
 from lab3_usd.facts.endpoints import (
     PROFILE,
@@ -29,15 +30,9 @@ from lab3_usd.facts.written_names import refused_namespaces, written_frames, wri
 from lab3_usd.isaac.messages import NAMED, why_no_message, why_no_service
 from lab3_usd.isaac.node_types import KIND, NodeType
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
-from lab3_usd.model.finding import Problem, Severity, display
-from lab3_usd.model.qos import Qos, unmatched
+from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.qos import Qos, refusal, unmatched
 from lab3_usd.model.stage import Node, StageModel
-
-
-def severity_of_conflict(*ends: Endpoint) -> Severity | None:
-    """Return the severity of a fault between these, milder where one of them only may run."""
-    is_sure = all(end.sure for end in ends) and are_surely_one(end.domain for end in ends)
-    return None if is_sure else "warning"
 
 
 @rule("K42", "invalid-qos", scope="lint", formerly="refused-profile")
@@ -92,35 +87,16 @@ def incompatible_qos(subject: LintSubject) -> Iterator[Problem]:
         makers.setdefault((maker.topic, maker.domain.name), []).append(maker)
     for taker in running_endpoints(subject.stage, "subscribes"):
         for maker in makers.get((taker.topic, taker.domain.name), ()):
-            if maker.qos is not None and taker.qos is not None:
-                mismatch = _mismatch(maker.qos, taker.qos)
-                if mismatch:
-                    yield Problem(
-                        taker.node.path,
-                        f"{taker.topic} does not arrive: {mismatch}",
-                        property=PROFILE,
-                        expected=str(maker.qos),
-                        actual=str(taker.qos),
-                        related=(maker.node.path,),
-                        severity=severity_of_conflict(maker, taker),
-                    )
-
-
-def _mismatch(maker: Qos, taker: Qos) -> str:
-    if taker.reliability == "reliable" and maker.reliability == "best_effort":
-        return "the subscriber asks for reliable, the publisher offers best effort"
-    if taker.durability == "transient_local" and maker.durability == "volatile":
-        return "the subscriber asks for transient local, the publisher offers volatile"
-    for asked, offered, name in (
-        (taker.deadline, maker.deadline, "deadline"),
-        (taker.lease_duration, maker.lease_duration, "lease"),
-    ):
-        if asked and (not offered or offered > asked):
-            least = f"one of {offered:g} s" if offered else "none"
-            return f"the subscriber asks for a {name} of {asked:g} s, the publisher offers {least}"
-    if taker.liveliness == "manual_by_topic" != maker.liveliness:
-        return "the subscriber asks for manual liveliness, the publisher offers automatic"
-    return ""
+            if maker.qos and taker.qos and (asked := refusal(taker.qos, maker.qos)):
+                yield Problem(
+                    taker.node.path,
+                    f"{taker.topic} does not arrive: the subscriber asks for {asked}",
+                    property=PROFILE,
+                    expected=str(maker.qos),
+                    actual=str(taker.qos),
+                    related=(maker.node.path,),
+                    severity=severity_of(maker, taker, subject=subject),
+                )
 
 
 @rule("K98", "unmatched-peer", severity="warning", scope="lint")
