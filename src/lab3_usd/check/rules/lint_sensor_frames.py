@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from msgspec import Struct
-
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import Parameter, rule
 from lab3_usd.facts.execution_order import is_switched_on, nodes_of
@@ -14,7 +12,7 @@ from lab3_usd.facts.render_products import has_two_sizes, stereo_products
 from lab3_usd.facts.sensor_topics import SensorTopic, frame_prims, resting_frames, sensor_topics
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import StageModel, once_per_stage
+from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import (
     Vector,
     decompose,
@@ -36,26 +34,10 @@ _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _INFO, _INFO_NAME = "sensor_msgs/msg/CameraInfo", "camera_info"
 
 
-class _Named(Struct, frozen=True, eq=False):
-    """The prims at the pose of a frame: their paths, and the body that each follows."""
-
-    prims: list[Prim]
-    paths: frozenset[str]
-    rigid: frozenset[str]
-
-
-def _named_prims(topic: SensorTopic, subject: LintSubject) -> _Named:
+def _named_prims(topic: SensorTopic, stage: StageModel) -> list[Prim]:
     """Return the prims whose place the frame of a topic has, none where nothing tells it."""
-    name, domain = topic.frame, topic.endpoint.domain.name
-    return _of_frame(subject.stage, domain, name)
-
-
-@once_per_stage
-def _of_frame(stage: StageModel, domain: str, name: str) -> _Named:
-    paths = frame_prims(stage).get((domain, name), ())
-    prims = [prim for path in paths if (prim := stage.prim(path)) is not None]
-    prim_paths, rigid_of = (prim.path for prim in prims), joined_bodies(stage).rigid_of
-    return _Named(prims, frozenset(prim_paths), frozenset(rigid_of(prim.path) for prim in prims))
+    paths = frame_prims(stage).get((topic.endpoint.domain.name, topic.frame), ())
+    return [prim for path in paths if (prim := stage.prim(path)) is not None]
 
 
 def _is_sensor(prim: Prim, subject: LintSubject) -> bool:
@@ -92,9 +74,8 @@ def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     Example: a lidar helper with the frame of the camera, or with that of the other lidar.
     """
     for topic in sensor_topics(subject.stage):
-        frame = _named_prims(topic, subject)
-        named, is_own = frame.prims, topic.sensor.path in frame.paths
-        if not named or is_own or not all(_is_another(prim, topic, subject) for prim in named):
+        named = _named_prims(topic, subject.stage)
+        if not named or not all(_is_another(prim, topic, subject) for prim in named):
             continue
         other = named[0]
         yield Problem(
@@ -152,12 +133,10 @@ def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
         fits = topic.reads.in_frame.items()
         if any(topic.sensor.attributes.get(name, value) != value for name, value in fits):
             continue
-        frame = _named_prims(topic, subject)
-        named = frame.prims
+        named = _named_prims(topic, subject.stage)
         if any(_is_sensor(prim, subject) for prim in named):
             continue
-        fault = _resting(topic, subject) or _moving(topic, frame, subject)
-        fault = fault or _turned(topic, named, subject) or _apart(topic, named, subject)
+        fault = _moving(topic, named, subject) or _shifted(topic, named, subject)
         paths = (topic.sensor.path, *(prim.path for prim in named[:1]))
         if fault:
             yield Problem(
@@ -171,44 +150,29 @@ def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-def _resting(topic: SensorTopic, subject: LintSubject) -> str:
-    """Return what is wrong with a frame that stands still, '' for nothing."""
+def _moving(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
+    """Say that a frame stands still or moves against its sensor, '' where it does not."""
     key, sensor = (topic.endpoint.domain.name, topic.frame), topic.sensor.path
     bodies = joined_bodies(subject.stage)
-    is_resting = key in resting_frames(subject.stage)
-    if not is_resting or bodies.move_together(sensor, "/"):
-        return ""
-    return f"which does not move, while {sensor} moves with {bodies.carrier(sensor)}"
+    if key in resting_frames(subject.stage) and not bodies.move_together(sensor, "/"):
+        return f"which does not move, while {sensor} moves with {bodies.carrier(sensor)}"
+    if named and bodies.rigid_of(sensor) not in {bodies.rigid_of(prim.path) for prim in named}:
+        return f"the frame of {named[0].path}, against which {sensor} moves"
+    return ""
 
 
-def _moving(topic: SensorTopic, frame: _Named, subject: LintSubject) -> str:
-    """Return against which prim of a frame a sensor moves, '' for none."""
-    sensor = topic.sensor.path
-    if not frame.prims or joined_bodies(subject.stage).rigid_of(sensor) in frame.rigid:
-        return ""
-    return f"the frame of {frame.prims[0].path}, against which {sensor} moves"
-
-
-def _turned(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
-    """Return how far points are turned in a frame, '' where they are not."""
+def _shifted(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
+    """Say that points are turned in a frame, or stand away from it, '' where they do not."""
     data = _axes(topic.sensor, subject)
     places = [place for prim in named if (place := _axes(prim, subject)) is not None]
     if topic.endpoint.type not in _POINTS or data is None or len(places) < max(1, len(named)):
         return ""
+    sensor, unit = topic.sensor.path, subject.stage.meters_per_unit
     turn = min(rotation_difference(axes, data[1]) for _, axes in places)
-    if turn <= subject.value(_TURNED):
-        return ""
-    return f"which is turned by {turn:.0f} degrees against the points of {topic.sensor.path}"
-
-
-def _apart(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
-    """Return how far a frame stands from the sensor of its points, '' where it is there."""
-    data = _axes(topic.sensor, subject)
-    places = [place for prim in named if (place := _axes(prim, subject)) is not None]
-    if topic.endpoint.type not in _POINTS or data is None or len(places) < max(1, len(named)):
-        return ""
-    away = subject.stage.meters_per_unit * min(distance(start, data[0]) for start, _ in places)
-    return f"which is {away:.2g} m from {topic.sensor.path}" if away > subject.value(_APART) else ""
+    if turn > subject.value(_TURNED):
+        return f"which is turned by {turn:.0f} degrees against the points of {sensor}"
+    away = unit * min(distance(start, data[0]) for start, _ in places)
+    return f"which is {away:.2g} m from {sensor}" if away > subject.value(_APART) else ""
 
 
 @rule("K78", "image-info-mismatch", scope="lint", severity="warning")
