@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
@@ -25,7 +25,6 @@ from lab3_usd.model.physics import (
     LIMITS,
     bodies,
     ends,
-    is_body,
     is_switched_off,
     joint_limits,
     working_joints_at,
@@ -72,14 +71,19 @@ def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
 @once_per_stage
 def _joined_bodies(stage: StageModel, wheels: tuple[Prim, ...]) -> frozenset[str]:
     """Return the bodies of wheel joints, and all that further joints tie to them."""
-    ahead = [path for joint in wheels for path in ends(joint)]
-    joined = set(ahead)
+    return _tied_to((path for joint in wheels for path in ends(joint)), "", stage)
+
+
+def _tied_to(paths: Iterable[str], kind: str, stage: StageModel) -> frozenset[str]:
+    """Return some bodies and all that joints of a type, '' for any, tie to them."""
+    ahead = [*paths]
+    tied = {*ahead}
     while ahead:
-        tied = {path for j in working_joints_at([ahead.pop()], stage) for path in bodies(j)}
-        new = {path for path in tied - joined if not _is_world(path, stage)}
-        joined |= new
+        joints = [j for j in working_joints_at([ahead.pop()], stage) if kind in {"", j.type}]
+        new = {end for j in joints for end in ends(j) if not _is_world(end, stage)} - tied
+        tied |= new
         ahead += new
-    return frozenset(joined)
+    return frozenset(tied)
 
 
 def _is_world(path: str, stage: StageModel) -> bool:
@@ -89,12 +93,7 @@ def _is_world(path: str, stage: StageModel) -> bool:
 
 def _body(path: str, stage: StageModel) -> Prim | None:
     """Return the body that a prim moves with."""
-    while path:
-        prim = stage.prim(path)
-        if prim is not None and is_body(prim):
-            return prim
-        path = path.rpartition("/")[0]
-    return None
+    return stage.prim(joined_bodies(stage).carrier(path))
 
 
 @rule("K82", "wheel-cannot-turn", scope="lint")
@@ -134,7 +133,7 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
                     related=(command.node.path,),
                     rests_on=subject.stage.unknown_below(wheel),
                 )
-        for base in sorted(_fixed_to(_bases(subject.stage, wheels), subject.stage)):
+        for base in sorted(_tied_to(_bases(subject.stage, wheels), FIXED, subject.stage)):
             body = _body(base, subject.stage)
             if body is None or body.path in judged:
                 continue
@@ -164,18 +163,6 @@ def _without_shape(wheels: tuple[Prim, ...], stage: StageModel) -> list[str]:
             for end in bodies(joint)
         )
     ]
-
-
-def _fixed_to(bodies_of_base: frozenset[str], stage: StageModel) -> set[str]:
-    """Return these bodies, and those that fixed joints hold to them."""
-    ahead = [*bodies_of_base]
-    paths = set(ahead)
-    while ahead:
-        tied = working_joints_at([ahead.pop()], stage)
-        new = {path for joint in tied if joint.type == FIXED for path in ends(joint)} - paths
-        paths |= new
-        ahead += new
-    return paths
 
 
 def _stops(body: Prim) -> Iterator[tuple[str, str]]:

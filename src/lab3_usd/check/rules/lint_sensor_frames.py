@@ -8,7 +8,7 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import Parameter, rule
 from lab3_usd.facts.execution_order import is_switched_on, nodes_of
 from lab3_usd.facts.joined_bodies import joined_bodies
-from lab3_usd.facts.render_products import has_two_sizes, stereo_products
+from lab3_usd.facts.render_products import Shown, has_two_sizes, stereo_products
 from lab3_usd.facts.sensor_topics import SensorTopic, frame_prims, resting_frames, sensor_topics
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.prims import Prim
@@ -203,16 +203,15 @@ def image_info_mismatch(subject: LintSubject) -> Iterator[Problem]:
             fault += images[0].sensor.path
             yield _mismatch(info, images[0], fault, (info.product, images[0].product))
         frames = [image for image in same if image.frame != info.frame]
-        if frames and len(frames) == len(same):
-            fault = f"is in '{info.frame}', and {frames[0].endpoint.topic} in '{frames[0].frame}'"
-            yield _mismatch(info, frames[0], fault, (info.port, frames[0].port))
-        elif frames:
-            fault = f"is in '{frames[0].frame}', and {info.endpoint.topic} in '{info.frame}'"
-            yield _mismatch(frames[0], info, fault, (frames[0].port, info.port))
+        if frames:
+            odd, right = (info, frames[0]) if len(frames) == len(same) else (frames[0], info)
+            fault = f"is in '{odd.frame}', and {right.endpoint.topic} in '{right.frame}'"
+            yield _mismatch(odd, right, fault, (odd.port, right.port))
         sized = [image for image in same if image.shown.size and info.shown.size]
         if sized and all(image.shown.size != info.shown.size for image in sized):
-            fault = f"is of {_size(info)}, and {sized[0].endpoint.topic} of {_size(sized[0])}"
-            yield _mismatch(info, sized[0], fault, (info.product, sized[0].product))
+            image = sized[0]
+            fault = f"is of {_size(info.shown)}, and {image.endpoint.topic} of {_size(image.shown)}"
+            yield _mismatch(info, image, fault, (info.product, image.product))
 
 
 def _mismatch(
@@ -228,8 +227,8 @@ def _mismatch(
     )
 
 
-def _size(topic: SensorTopic) -> str:
-    return "{} x {}".format(*(topic.shown.size or ()))
+def _size(shown: Shown) -> str:
+    return "{} x {}".format(*(shown.size or ()))
 
 
 @rule("K79", "stereo-pair", scope="lint")
@@ -250,15 +249,9 @@ def stereo_pair(subject: LintSubject) -> Iterator[Problem]:
         left, right = pair
         related = tuple(dict.fromkeys((left.maker, right.maker)))
         if has_two_sizes(pair):
-            sizes = ["{} x {}".format(*(each.size or ())) for each in pair]
-            text = f"the left image is of {sizes[0]}, the right one of {sizes[1]}: no camera info"
-            yield Problem(
-                node.path,
-                f"{text} is sent",
-                expected=sizes[0],
-                actual=sizes[1],
-                related=related,
-            )
+            one, other = _size(left), _size(right)
+            text = f"the left image is of {one}, the right one of {other}: no camera info is sent"
+            yield Problem(node.path, text, expected=one, actual=other, related=related)
         elif left.sensor == right.sensor:
             text = f"the left and the right image are both of {left.sensor}"
             yield Problem(node.path, text, related=related, severity="warning")
