@@ -48,13 +48,14 @@ def _makers(node: Node, subject: LintSubject) -> Iterator[Node]:
 
 def _events(node: Node, stage: StageModel) -> list[Node]:
     """Return the events of a node's graph that surely fire at every update."""
-    states, platform = run_states(stage), stage.platform
-    usual = platform.graph.value(platform.graph.evaluation.stage)
-    return [
-        other
-        for other in _beside(node, stage)
-        if event_of(other, platform) == usual and states.get(other.path) == "runs"
-    ]
+    return [other for other in _beside(node, stage) if fires_always(other, stage)]
+
+
+def fires_always(node: Node, stage: StageModel) -> bool:
+    """Whether a node is an event that surely fires at every update."""
+    form = stage.platform.graph
+    is_usual = event_of(node, stage.platform) == form.value(form.evaluation.stage)
+    return is_usual and run_states(stage).get(node.path) == "runs"
 
 
 def _beside(node: Node, stage: StageModel) -> Sequence[Node]:

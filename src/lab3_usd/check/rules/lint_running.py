@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Sequence
+
+from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.missing_wires import execution_wire, wire_hint
+from lab3_usd.check.missing_wires import execution_wire, fires_always, wire_hint
 from lab3_usd.check.registry import rule
 from lab3_usd.facts.changes import effect_on_run, writing_nodes
 from lab3_usd.facts.execution_order import (
@@ -16,7 +18,6 @@ from lab3_usd.facts.execution_order import (
     is_graph_evaluated,
     is_switched_on,
     nodes_of,
-    run_states,
     shut_gate,
     signal_inputs,
     signal_sources,
@@ -63,36 +64,34 @@ def never_executes(subject: LintSubject) -> Iterator[Problem]:
     Example: a ROS2 Publish Odometry whose `execIn` is not connected.
     """
     for graph in subject.graphs():
-        if graph.active and is_graph_evaluated(graph, subject.stage):
-            for stop in stops(graph, subject.stage):
-                if stop.reason in _REASONS and _matters(stop, subject):
-                    yield _stopped(stop, subject)
+        is_evaluated = graph.active and is_graph_evaluated(graph, subject.stage)
+        for stop in stops(graph, subject.stage) if is_evaluated else ():
+            if stop.reason not in _REASONS or not _matters(stop, subject):
+                continue
+            reason = _REASONS[stop.reason].format(port=stop.port, cause=stop.cause)
+            waiting = "; waiting for it: " + ", ".join(node.name for node in stop.waiting)
+            is_off = stop.reason == "off"
+            wire = execution_wire(stop.node, stop.port, subject) if stop.reason == "unwired" else ()
+            yield Problem(
+                stop.node.path,
+                f"{subject.title(stop.node)} never executes: {reason}"
+                f"{waiting if stop.waiting else ''}",
+                property=stop.port,
+                expected="a wire from an event",
+                related=tuple(node.path for node in stop.waiting),
+                hint=f"switch {stop.cause} on again" if is_off else wire_hint(wire),
+                severity="note" if is_off else None,
+                fix=wire,
+                rests_on=subject.stage.unknown_inputs(stop.node),
+            )
 
 
 def _matters(stop: Stop, subject: LintSubject) -> bool:
     """Whether a node with a job waits, or a node that runs takes data from one that does."""
-    nodes = (stop.node, *stop.waiting)
-    if any(has_side_effects(node) for node in nodes):
-        return True
-    return any(subject.runs(target.path) for node in nodes for target in feeds(node, subject.stage))
-
-
-def _stopped(stop: Stop, subject: LintSubject) -> Problem:
-    reason = _REASONS[stop.reason].format(port=stop.port, cause=stop.cause)
-    waiting = ", ".join(node.name for node in stop.waiting)
-    waiting_text = f"; waiting for it: {waiting}" if waiting else ""
-    is_off = stop.reason == "off"
-    wire = execution_wire(stop.node, stop.port, subject) if stop.reason == "unwired" else ()
-    return Problem(
-        stop.node.path,
-        f"{subject.title(stop.node)} never executes: {reason}{waiting_text}",
-        property=stop.port,
-        expected="a wire from an event",
-        related=tuple(node.path for node in stop.waiting),
-        hint=f"switch {stop.cause} on again" if is_off else wire_hint(wire),
-        severity="note" if is_off else None,
-        fix=wire,
-        rests_on=subject.stage.unknown_inputs(stop.node),
+    return any(
+        has_side_effects(node)
+        or any(subject.runs(target.path) for target in feeds(node, subject.stage))
+        for node in (stop.node, *stop.waiting)
     )
 
 
@@ -131,22 +130,19 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
             severity="error" if is_over else None,
             rests_on=subject.stage.unknown(graph.path) if is_over else None,
         )
-    for path, nodes in _nodes_in_overs(subject).items():
+    ignores = subject.platform.graph.ignores
+    in_overs = Counter(  # that nothing makes a graph, as behind a payload
+        prim.path.rpartition("/")[0]
+        for prim in subject.stage.absent
+        if prim.reason == OVER and prim.type_name and not ignores(prim.path)
+    )
+    for path, nodes in in_overs.items():
         yield Problem(
             path,
             f"holds {nodes} nodes and is only an over without a def: none of them executes",
             severity="error",
             rests_on=subject.stage.unknown(path),
         )
-
-
-def _nodes_in_overs(subject: LintSubject) -> Mapping[str, int]:
-    """Return how many nodes each over holds that nothing makes a graph, as behind a payload."""
-    return Counter(
-        prim.path.rpartition("/")[0]
-        for prim in subject.stage.absent
-        if prim.reason == OVER and prim.type_name and not subject.platform.graph.ignores(prim.path)
-    )
 
 
 @rule(
@@ -263,18 +259,23 @@ def switched_off(subject: LintSubject) -> Iterator[Problem]:
                 severity="warning",
             )
         gate = shut_gate(node, subject.live, subject.platform)
-        waiting = feeds(node, subject.stage) if gate is not None else []
-        if gate is not None and waiting:
-            yield Problem(
-                node.path,
-                f"{_why_shut(node, gate, subject)}: no signal reaches "
-                f"{', '.join(target.name for target in waiting)}",
-                property=gate,
-                expected="what lets signals pass",
-                related=tuple(target.path for target in waiting),
-                severity="warning",
-            )
-        yield from _never_chosen(node, subject)
+        if gate is not None and (waiting := feeds(node, subject.stage)):
+            why = _why_shut(node, gate, subject)
+            yield _unreached(node, gate, why, "what lets signals pass", waiting)
+        choice = None if node.type is None else node.type.choice
+        closed = unchosen_output(node, subject.live)
+        if choice is not None and closed is not None and subject.runs(node.path):
+            waiting = [
+                target
+                for target in feeds(node, subject.stage)
+                if any(f"{node.path}.{closed}" in state.sources for state in target.ports.values())
+                and not subject.runs(target.path)
+            ]
+            chosen = str(closed == choice.outputs[0])
+            why = f"{choice.by} is always {chosen}"
+            if waiting:
+                problem = _unreached(node, choice.by, why, "a value that changes", waiting)
+                yield replace(problem, actual=chosen)
 
 
 def _why_shut(node: Node, port: str, subject: LintSubject) -> str:
@@ -286,30 +287,15 @@ def _why_shut(node: Node, port: str, subject: LintSubject) -> str:
     return f"{port} is True, and nothing opens the gate at {INPUT}{door.toggle}"
 
 
-def _never_chosen(node: Node, subject: LintSubject) -> Iterator[Problem]:
-    """Yield that a node never signals at an output for which others wait."""
-    choice = None if node.type is None else node.type.choice
-    closed = unchosen_output(node, subject.live)
-    if choice is None or closed is None or not subject.runs(node.path):
-        return
-    waiting = [
-        target
-        for target in feeds(node, subject.stage)
-        if any(f"{node.path}.{closed}" in state.sources for state in target.ports.values())
-        and not subject.runs(target.path)
-    ]
-    if waiting:
-        chosen = str(closed == choice.outputs[0])
-        yield Problem(
-            node.path,
-            f"{choice.by} is always {chosen}: no signal reaches "
-            f"{', '.join(target.name for target in waiting)}",
-            property=choice.by,
-            expected="a value that changes",
-            actual=chosen,
-            related=tuple(target.path for target in waiting),
-            severity="warning",
-        )
+def _unreached(node: Node, port: str, why: str, expected: str, waiting: Sequence[Node]) -> Problem:
+    return Problem(
+        node.path,
+        f"{why}: no signal reaches {', '.join(target.name for target in waiting)}",
+        property=port,
+        expected=expected,
+        related=tuple(target.path for target in waiting),
+        severity="warning",
+    )
 
 
 @rule("K08", "two-events", scope="lint", severity="warning")
@@ -344,18 +330,14 @@ def two_events(subject: LintSubject) -> Iterator[Problem]:
 
 def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
     """Return the events by which a node surely executes at every update, by path."""
-    usual = subject.platform.graph.value(subject.platform.graph.evaluation.stage)
-    states = run_states(subject.stage)
     events: dict[str, Node] = {}
     seen, ahead = {node.path}, [node]
-    while ahead:
-        current = ahead.pop(0)
-        if event_of(current, subject.platform) == usual and states.get(current.path) == "runs":
+    for current in ahead:
+        if fires_always(current, subject.stage):
             events[current.path] = current
         for source, port in signals(current, subject.live):
-            is_new = source.path not in seen
             is_lasting = not signals_once(source, port, subject.live, subject.platform)
-            if is_new and is_lasting and is_switched_on(source, subject.live):
+            if source.path not in seen and is_lasting and is_switched_on(source, subject.live):
                 seen.add(source.path)
                 ahead.append(source)
     return events
