@@ -7,12 +7,12 @@ from collections.abc import Iterator
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import TYPE, can_become, folded_into_readers
-from lab3_usd.facts.likely_names import did_you_mean, meant_type
+from lab3_usd.facts.likely_names import did_you_mean, is_unregistered, meant_type
 from lab3_usd.facts.saved_releases import ended_renaming, saved_by
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.releases import order
-from lab3_usd.model.changes import Edit, SetValue
+from lab3_usd.model.changes import SetValue
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
 
@@ -32,14 +32,18 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
     Basis: the types that Isaac Sim's source registers. Kit's handling of other types is not public.
     """
     ended = ended_renaming(subject.stage)
-    ends_at = None if ended is None else ended.prim.path  # K48 says so
     for node in nodes_of_unknown_type(subject.stage):
-        if not node.saved_type:
-            if node.path != ends_at:
-                yield _without_type(node, subject)
-            continue
         successor = subject.platform.deprecated.get(node.type_name)
-        if successor is not None:
+        if not node.saved_type:
+            if ended is None or node.path != ended.prim.path:  # else K48 says so
+                yield Problem(
+                    node.path,
+                    "the node has no type: Isaac Sim drops it",
+                    property=TYPE,
+                    expected="the type of the node",
+                    rests_on=subject.stage.unknown(node.path),
+                )
+        elif successor is not None:
             yield Problem(
                 node.path,
                 f"'{node.saved_type}' is deprecated, its successor is {successor}",
@@ -48,46 +52,46 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
                 actual=node.saved_type,
                 severity="warning",
             )
-            continue
-        of_release, likely = _other_release(node, subject), _likely(node, subject)
-        kind = subject.platform.types.get(likely or "")
-        if of_release is None or (likely is None and not of_release):
-            continue
-        release = f"{subject.platform.release}{of_release}"
-        successor_now = _successor(node, subject)
-        words = "" if successor_now is None else f"; {successor_now[1]}"
-        fix: tuple[Edit, ...] = ()
-        if likely and kind and can_become(node, kind, subject.stage):
-            fix = (SetValue(node.path, TYPE, "token", likely),)
-        yield Problem(
-            node.path,
-            f"'{node.saved_type}' is not a node type of Isaac Sim {release}{did_you_mean(likely)}"
-            f"{words}",
-            property=TYPE,
-            expected=likely or (None if successor_now is None else successor_now[0]),
-            actual=node.saved_type,
-            hint=_hint(node, subject, likely),
-            fix=fix or folded_into_readers(node, subject.stage),
-        )
+        elif is_unregistered(node.type_name, subject.platform):
+            yield _unregistered(node, subject)
 
 
-def _without_type(node: Node, subject: LintSubject) -> Problem:
+def _unregistered(node: Node, subject: LintSubject) -> Problem:
+    """Return the problem of a type that other releases have, or whose name is near to one."""
+    platform, is_script = subject.platform, subject.stage.build is not None
+    releases = platform.releases_of(node.type_name)
+    later = [name for name in releases if order(name) > order(platform.release)]
+    # A type that some release has is what was meant.
+    likely = None if releases else meant_type(node.saved_type, platform)
+    hint, words = "replace the node by one that this release has, or use another", ""
+    if later:
+        hint += f"; judge by that release with --isaac {later[0]}"
+        words = f"; it came with Isaac Sim {later[0]}"
+    elif releases:
+        words = f"; Isaac Sim {releases[-1]} was the last release with it"
+    successor, work = _successor(node, subject)
+    kind = platform.types.get(likely or "")
+    is_renamed = kind is not None and can_become(node, kind, subject.stage)
     return Problem(
         node.path,
-        "the node has no type: Isaac Sim drops it",
+        f"'{node.saved_type}' is not a node type of Isaac Sim {platform.release}{words}"
+        f"{did_you_mean(likely)}{work}",
         property=TYPE,
-        expected="the type of the node",
-        rests_on=subject.stage.unknown(node.path),
+        expected=likely or successor,
+        actual=node.saved_type,
+        hint=(f"write {likely}" if is_script else None) if likely else hint,
+        fix=(SetValue(node.path, TYPE, "token", likely),)
+        if likely and is_renamed
+        else folded_into_readers(node, subject.stage),
     )
 
 
-def _successor(node: Node, subject: LintSubject) -> tuple[str, str] | None:
+def _successor(node: Node, subject: LintSubject) -> tuple[str | None, str]:
     """Return the type in place of one that is gone, and words about it."""
     platform = subject.platform
-    successor = platform.changes.successor(node.type_name)
-    if successor is None or successor[0] not in platform.types:
-        return None
-    name, change = successor
+    name, change = platform.changes.successor(node.type_name) or ("", None)
+    if change is None or name not in platform.types:
+        return None, ""
     carried = [
         port if port == now else f"{port} (as {now})"
         for port, now in change.values.items()
@@ -96,43 +100,7 @@ def _successor(node: Node, subject: LintSubject) -> tuple[str, str] | None:
     ]
     notes = f" ({change.notes})" if change.notes else ""
     values = f"; {', '.join(carried)} carry over" if carried else ""
-    return name, f"{platform.types[name].ui_name} does its work{notes}{values}"
-
-
-def _other_release(node: Node, subject: LintSubject) -> str | None:
-    """Say which other releases have a type: '' where none has, None where this one has it."""
-    releases = subject.platform.releases_of(node.type_name)
-    if subject.platform.release in releases:
-        return None
-    later = _later(node, subject)
-    if later:
-        return f"; it came with Isaac Sim {later}"
-    return f"; Isaac Sim {releases[-1]} was the last release with it" if releases else ""
-
-
-def _hint(node: Node, subject: LintSubject, likely: str | None) -> str | None:
-    if likely is not None:
-        return None if subject.stage.build is None else f"write {likely}"
-    later = _later(node, subject)
-    judge_by = f"; judge by that release with --isaac {later}" if later else ""
-    return f"replace the node by one that this release has, or use another{judge_by}"
-
-
-def _later(node: Node, subject: LintSubject) -> str | None:
-    """Return the first release after this one that has a type, None where none has."""
-    releases = subject.platform.releases_of(node.type_name)
-    later = (name for name in releases if order(name) > order(subject.platform.release))
-    return next(later, None)
-
-
-def _likely(node: Node, subject: LintSubject) -> str | None:
-    """Return the type that was likely meant, None where none is near.
-
-    A type that some release has is what was meant.
-    """
-    if subject.platform.releases_of(node.type_name):
-        return None
-    return meant_type(node.saved_type, subject.platform)
+    return name, f"; {platform.types[name].ui_name} does its work{notes}{values}"
 
 
 @rule(
@@ -154,9 +122,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     """
     paths_by_type: dict[str, list[str]] = {}
     for node in nodes_of_unknown_type(subject.stage):
-        of_release = _other_release(node, subject)
-        is_known = bool(node.saved_type)
-        if is_known and (of_release is None or (_likely(node, subject) is None and not of_release)):
+        if node.saved_type and not is_unregistered(node.type_name, subject.platform):
             paths_by_type.setdefault(node.saved_type, []).append(node.path)
     for name, paths in paths_by_type.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
