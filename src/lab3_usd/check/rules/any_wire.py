@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.fold import absent_above, of_one_cause
@@ -31,7 +32,7 @@ from lab3_usd.facts.wires import (
 from lab3_usd.isaac.node_types import NodeType, can_connect, differ_in_role
 from lab3_usd.isaac.release_changes import GonePort
 from lab3_usd.model.changes import Connect, Edit, RenameProperty
-from lab3_usd.model.finding import Problem, node_title, short_source
+from lab3_usd.model.finding import Problem, Severity, node_title, short_source
 from lab3_usd.model.stage import Node, StageModel, once_per_stage
 
 _MOST_REWIRED = 100
@@ -143,38 +144,68 @@ def unknown_port(subject: LintSubject) -> Iterator[Problem]:
             yield _dead_wire(fault, wire, subject)
     for wire in connections(subject.stage):
         source, kind = wire.source, wire.node.type
-        if source is not None and source.type is not None and _leaves_out(source, wire.source_port):
-            near = _meant(wire.source_port, source.type, subject, is_source=True)
+        out = wire.source_port
+        if source is not None and source.type is not None and leaves_out(source.type, out):
+            lost = lost_port(source.type, out, subject, is_source=True)
             yield Problem(
                 wire.node.path,
-                f"{wire.port} is connected to {source.name}.{wire.source_port}, a port that "
-                f"{source.type.ui_name} does not have{did_you_mean(near)}",
+                f"{wire.port} is connected to {source.name}.{out}, a port that "
+                f"{source.type.ui_name} does not have{lost.words}",
                 property=wire.port,
-                expected=near,
+                expected=lost.right,
                 actual=wire.path,
                 related=(source.path,),
                 severity="warning",
             )
-        if kind is not None and (kind.port(wire.port) is None or _leaves_out(wire.node, wire.port)):
-            near = _meant(wire.port, kind, subject, is_source=False)
+        if kind is not None and (kind.port(wire.port) is None or leaves_out(kind, wire.port)):
+            lost = lost_port(kind, wire.port, subject, is_source=False)
             yield Problem(
                 wire.node.path,
-                f"{wire.port} is connected, but {kind.ui_name} has no such port"
-                f"{_gone(kind, wire.port, subject)}{did_you_mean(near)}",
+                f"{wire.port} is connected, but {kind.ui_name} has no such port{lost.words}",
                 property=wire.port,
-                expected=near or _port_now(kind, wire.port, subject) or None,
+                expected=lost.right,
                 actual=wire.port,
                 severity="warning" if kind.is_documented else None,
-                hint=_hint_in_script(near, subject),
-                fix=_other_port(wire, near, subject),
+                hint=_hint_in_script(lost, subject),
+                fix=_other_port(wire, lost, subject),
             )
 
 
-def _leaves_out(node: Node, port: str) -> bool:
+class LostPort(Struct, frozen=True):
+    """A port that a type lacks, and the `right` one, None where none is near.
+
+    `releases` says which releases have it and what does now what it did; nothing does for one that
+    `is_idle`.
+    """
+
+    right: str | None
+    releases: str = ""
+    is_idle: bool = False
+
+    @property
+    def words(self) -> str:
+        """What a message says of it; a name that some release has is no misspelling."""
+        return self.releases or did_you_mean(self.right)
+
+
+def lost_port(kind: NodeType, port: str, subject: GraphsSubject, *, is_source: bool) -> LostPort:
+    """Return what takes the place of a port that a type lacks."""
+    platform = subject.platform
+    releases = platform.releases_with(kind.type, port)
+    if not releases:
+        names = [name for name, other in kind.ports.items() if other.is_source == is_source]
+        short = port.partition(":")[2]
+        same = [name for name in names if name.partition(":")[2] == short]
+        return LostPort(same[0] if same else likely_port(port, names))
+    gone = platform.changes.gone(kind.type, port) or GonePort()
+    now = gone.to if kind.port(gone.to) is not None else ""
+    instead = f", {now} now" if now else f": {gone.by}" if gone.by else ""
+    return LostPort(now or None, f"; {platform.named(releases)} has it{instead}", gone.drop)
+
+
+def leaves_out(kind: NodeType, port: str) -> bool:
     """Whether the documentation of a type, all of which is read, has no such port."""
-    kind = node.type
-    is_whole = kind is not None and kind.is_documented and not kind.is_open
-    return is_whole and kind is not None and kind.listed(port) is None
+    return kind.is_documented and not kind.is_open and kind.listed(port) is None
 
 
 @rule("W03", "dead-source", scope="graph")
@@ -200,10 +231,7 @@ def dead_source(subject: GraphSubject) -> Iterator[Problem]:
         message += without_wire(subject, fault.wire)
         if fault in right_once_renamed(subject):
             problem = replace(problem, assumes=(*problem.assumes, (subject.spec.path, None)))
-        yield with_demand(
-            replace(problem, message=message, hint=connect_hint(fault)),
-            subject,
-        )
+        yield with_demand(replace(problem, message=message, hint=connect_hint(fault)), subject)
 
 
 @rule("W11", "leftover-wire", scope="graph", severity="warning")
@@ -228,7 +256,7 @@ def _dead_wire(fault: WireFault, wire: Connection, subject: GraphsSubject) -> Pr
     is_fed = (wire.node.path, wire.port) in fed_inputs(subject.stage)
     problem = Problem(
         wire.node.path,
-        "",
+        f"{wire.port} is connected to {source_shown(fault)}, ",
         property=wire.port,
         expected=fault.expected,
         actual=wire.path,
@@ -236,58 +264,49 @@ def _dead_wire(fault: WireFault, wire: Connection, subject: GraphsSubject) -> Pr
         assumes=((wire.node.path, wire.port),) if fault.wire is not None else (),
         fix=_rewiring(wire) if is_fed else (),
     )
-    opening = f"{wire.port} is connected to {source_shown(fault)}, "
     if wire.source is not None:
-        return _with_port(problem, opening, wire, subject)
-    reason = "is a prim, not a port"
-    if wire.source_prim:
-        dead = why_dead(wire, subject.stage)
-        if dead is None:
-            message = f"{opening}which may be in an asset that cannot be found"
-            return replace(problem, message=message, severity="note")
-        reason = dead
+        return _with_port(problem, wire.source, wire, subject)
+    reason = why_dead(wire, subject.stage) if wire.source_prim else "is a prim, not a port"
+    if reason is None:
+        message = f"{problem.message}which may be in an asset that cannot be found"
+        return replace(problem, message=message, severity="note")
     sublayer = sublayer_with_source(wire, subject.stage)
-    message = f"{opening}which {reason}"
-    if sublayer:
-        message += f" (unless {sublayer} defines it)"
-        problem = replace(problem, severity="warning")
-    return replace(problem, message=message + ("; the input has another source" if is_fed else ""))
+    message = f"{problem.message}which {reason}"
+    message += f" (unless {sublayer} defines it)" if sublayer else ""
+    message += "; the input has another source" if is_fed else ""
+    severity: Severity | None = "warning" if sublayer else problem.severity
+    return replace(problem, message=message, severity=severity)
 
 
-def _with_port(problem: Problem, opening: str, wire: Connection, subject: GraphsSubject) -> Problem:
+def _with_port(problem: Problem, source: Node, wire: Connection, subject: GraphsSubject) -> Problem:
     """Say which port a source lacks, and which was likely meant."""
-    source, kind = wire.source, None if wire.source is None else wire.source.type
-    if source is None or kind is None:
-        return replace(problem, message=f"{opening}which is not a port of it")
+    kind, target, fix = source.type, wire.node.type, problem.fix
+    if kind is None:
+        return replace(problem, message=f"{problem.message}which is not a port of it")
     if source.has_port(wire.source_port):
-        return replace(problem, message=f"{opening}an input, which sends no signal")
-    near = _meant(wire.source_port, kind, subject, is_source=True)
-    message = f"{opening}a port that {kind.ui_name} does not have"
-    message += _gone(kind, wire.source_port, subject)
-    message += "" if problem.expected else did_you_mean(near)
-    now = _port_now(kind, wire.source_port, subject) or None
-    target, meant = wire.node.type, f"{source.path}.{near or now}"
+        return replace(problem, message=f"{problem.message}an input, which sends no signal")
+    lost = lost_port(kind, wire.source_port, subject, is_source=True)
     port = None if target is None else target.listed(wire.port)
-    near, gone = near or now, _gone_port(kind, wire.source_port, subject)
-    if near and port and can_connect(kind.ports[near], port):
-        problem = replace(problem, fix=_rewiring(wire, meant))
-    elif gone is not None and gone.drop:
-        problem = replace(problem, fix=_rewiring(wire))
-    expected = problem.expected or near
+    if lost.right and port and can_connect(kind.ports[lost.right], port):
+        fix = _rewiring(wire, f"{source.path}.{lost.right}")
+    elif lost.is_idle:
+        fix = _rewiring(wire)
+    words = lost.releases if problem.expected else lost.words
     return replace(
         problem,
-        message=message,
-        expected=expected,
+        message=f"{problem.message}a port that {kind.ui_name} does not have{words}",
+        expected=problem.expected or lost.right,
         related=(source.path,),
-        hint=_hint_in_script(near, subject),
+        hint=_hint_in_script(lost, subject),
+        fix=fix,
     )
 
 
-def _hint_in_script(near: str | None, subject: GraphsSubject) -> str | None:
+def _hint_in_script(lost: LostPort, subject: GraphsSubject) -> str | None:
     """Say how to repair the name of a port in a script, None for a stage."""
     if subject.stage.build is None:
         return None
-    return f"write {near}" if near else "write the name of a port that the node has"
+    return f"write {lost.right or 'the name of a port that the node has'}"
 
 
 def _rewiring(wire: Connection, *meant: str) -> tuple[Edit, ...]:
@@ -304,55 +323,14 @@ def _rewiring(wire: Connection, *meant: str) -> tuple[Edit, ...]:
     return (Connect(wire.node.path, port.name, port.usd_type, rest),)
 
 
-def _meant(written: str, kind: NodeType, subject: GraphsSubject, *, is_source: bool) -> str | None:
-    """Return the port that was likely meant; one that some release has is no misspelling."""
-    if subject.platform.releases_with(kind.type, written):
-        return None
-    return meant_port(written, kind, is_source=is_source)
-
-
-def meant_port(written: str, kind: NodeType, *, is_source: bool) -> str | None:
-    """Return the port of a type that was likely meant."""
-    names = [name for name, port in kind.ports.items() if port.is_source == is_source]
-    short = written.partition(":")[2]
-    same = [name for name in names if name.partition(":")[2] == short]
-    return same[0] if same else likely_port(written, names)
-
-
-def _other_port(wire: Connection, near: str | None, subject: GraphsSubject) -> tuple[Edit, ...]:
+def _other_port(wire: Connection, lost: LostPort, subject: GraphsSubject) -> tuple[Edit, ...]:
     """Return what moves a wire to the port that was meant, or takes out one that does nothing."""
-    kind, node = wire.node.type, wire.node
-    if kind is None:
-        return ()
-    name = near or _port_now(kind, wire.port, subject)
-    if name:
-        is_free = name not in node.ports or subject.stage.build is not None
-        return (RenameProperty(node.path, wire.port, name),) if is_free else ()
-    gone = _gone_port(kind, wire.port, subject)
-    drops = gone is not None and gone.drop
-    return (Connect(node.path, wire.port, node.ports[wire.port].usd_type),) if drops else ()
-
-
-def _gone_port(kind: NodeType, port: str, subject: GraphsSubject) -> GonePort | None:
-    """Return what became of a port that only other releases have, None where that is not known."""
-    is_theirs = bool(subject.platform.releases_with(kind.type, port))
-    return subject.platform.changes.gone(kind.type, port) if is_theirs else None
-
-
-def _port_now(kind: NodeType, port: str, subject: GraphsSubject) -> str:
-    """Return the name that a port of another release has in this one, '' where it has none."""
-    gone = _gone_port(kind, port, subject)
-    return gone.to if gone is not None and kind.port(gone.to) is not None else ""
-
-
-def _gone(kind: NodeType, port: str, subject: GraphsSubject) -> str:
-    """Say which releases have a port, and what does now what it did."""
-    releases = subject.platform.releases_with(kind.type, port)
-    if not releases:
-        return ""
-    gone, now = _gone_port(kind, port, subject), _port_now(kind, port, subject)
-    instead = f", {now} now" if now else f": {gone.by}" if gone is not None and gone.by else ""
-    return f"; {subject.platform.named(releases)} has it{instead}"
+    node = wire.node
+    if lost.right:
+        is_free = lost.right not in node.ports or subject.stage.build is not None
+        return (RenameProperty(node.path, wire.port, lost.right),) if is_free else ()
+    usd_type = node.ports[wire.port].usd_type
+    return (Connect(node.path, wire.port, usd_type),) if lost.is_idle else ()
 
 
 @rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")

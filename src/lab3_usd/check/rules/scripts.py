@@ -6,7 +6,7 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.any_wire import meant_port
+from lab3_usd.check.rules.any_wire import leaves_out, lost_port
 from lab3_usd.facts.likely_names import did_you_mean
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.model.build import BuildFault, FaultKind
@@ -25,13 +25,12 @@ def _faults(subject: LintSubject, *kinds: FaultKind) -> Iterator[BuildFault]:
 def _set_ports(subject: LintSubject) -> Iterator[tuple[Node, NodeType, PortState]]:
     """Yield the ports that a script gives a value or targets."""
     build = subject.stage.build
-    if build is not None:
-        for node in subject.nodes():
-            for state in node.ports.values():
-                is_set = state.value is not None or state.targets
-                is_written = (node.path, state.name, None) in build.places
-                if node.type is not None and is_set and is_written:
-                    yield node, node.type, state
+    written = () if build is None else build.places
+    for node in subject.nodes():
+        for state in node.ports.values():
+            is_set = state.value is not None or state.targets
+            if node.type is not None and is_set and (node.path, state.name, None) in written:
+                yield node, node.type, state
 
 
 @rule("B01", "value-at-unknown-port", scope="script")
@@ -48,32 +47,31 @@ def value_at_unknown_port(subject: LintSubject) -> Iterator[Problem]:
     Basis: the Python of OmniGraph (object lookup), and the ports of Isaac Sim's source. Ports
     of Kit's nodes are those of its documentation: another one is a warning.
     """
-    build = subject.stage.build
     for node, kind, state in _set_ports(subject):
         name = state.name
-        if name.startswith(_STATE):
-            continue  # which no catalog lists
-        is_left_out = kind.is_documented and not kind.is_open and kind.listed(name) is None
-        if (kind.port(name) is not None and not is_left_out) or build is None:
+        if name.startswith(_STATE) or _is_quiet(node, name, subject):
+            continue  # the first no catalog lists
+        if kind.port(name) is not None and not leaves_out(kind, name):
             continue
-        if (node.path, name) in build.quiet:
-            continue
-        near = meant_port(name, kind, is_source=False)
+        lost = lost_port(kind, name, subject, is_source=False)
         ports = ", ".join(known for known, port in kind.ports.items() if not port.is_source)
-        releases = subject.platform.releases_with(kind.type, name)
-        gone = f"; Isaac Sim {', '.join(releases)} has it" if releases else ""
         what = "is set, and" if ":" in name else "is set without inputs: before it, and"
         yield Problem(
             node.path,
-            f"{name} {what} {kind.ui_name} has no such port{gone}: the script stops here"
-            f"{did_you_mean(near)}",
+            f"{name} {what} {kind.ui_name} has no such port: the script stops here{lost.words}",
             property=name,
-            expected=near,
+            expected=lost.right,
             actual=name,
             severity="warning" if kind.is_documented else None,
-            hint=None if near else f"write one of {ports}, or leave the line out",
-            fix=_renaming(node, name, near),
+            hint=None if lost.right else f"write one of {ports}, or leave the line out",
+            fix=_renaming(node, name, lost.right),
         )
+
+
+def _is_quiet(node: Node, name: str, subject: LintSubject) -> bool:
+    """Whether a script sets targets in a way that reports nothing."""
+    build = subject.stage.build
+    return build is not None and (node.path, name) in build.quiet
 
 
 def _renaming(node: Node, name: str, near: str | None) -> tuple[RenameProperty, ...]:
@@ -264,13 +262,10 @@ def silent_target(subject: LintSubject) -> Iterator[Problem]:
     Example: `set_target_prims(..., inputName="inputs:targetPrims")` for ROS2 Publish Joint State,
     whose input is `inputs:targetPrim`.
     """
-    build = subject.stage.build
     for node, kind, state in _set_ports(subject):
-        if build is None or (node.path, state.name) not in build.quiet:
-            continue
-        if kind.port(state.name) is None:
+        if _is_quiet(node, state.name, subject) and kind.port(state.name) is None:
             ports = [name for name, port in kind.ports.items() if port.is_target]
-            near = meant_port(state.name, kind, is_source=False)
+            near = lost_port(kind, state.name, subject, is_source=False).right
             near = near if near in ports else ports[0] if len(ports) == 1 else near
             yield Problem(
                 node.path,
