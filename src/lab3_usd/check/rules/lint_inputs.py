@@ -22,7 +22,7 @@ from lab3_usd.facts.stalled_nodes import (
     unmet_needs,
 )
 from lab3_usd.facts.stuck_nodes import is_made_later
-from lab3_usd.facts.wires import Connection, connections
+from lab3_usd.facts.wires import connections
 from lab3_usd.isaac.behaviour import Need
 from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.node_types import INPUT, NUMBERS, OUTPUT
@@ -53,18 +53,16 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
         if not (subject.runs(node.path) or is_wired(node, subject.stage)):
             continue
         for need in unmet_needs(node, subject.platform, subject.live):
+            inputs = [INPUT + name for name in need.inputs if node.has_port(INPUT + name)]
             may_be_filled = subject.is_module and any(
-                node.type is not None and node.type.ports[INPUT + name].is_target
-                for name in need.inputs
-                if node.has_port(INPUT + name)
+                node.type is not None and node.type.ports[port].is_target for port in inputs
             )
-            inputs = [name for name in need.inputs if node.has_port(f"inputs:{name}")]
-            names = ", ".join(f"inputs:{name}" for name in inputs)
             fixed, is_zero = _fixed_input(node, inputs, need, subject)
-            unset = f"{names} is not connected and has no value"
-            unset = f"none of {names} is connected or set" if len(inputs) > 1 else unset
-            wire = likely_wire(node, f"inputs:{inputs[0]}", subject) if len(inputs) == 1 else ()
-            wire = () if fixed else wire
+            unset = f"{inputs[0]} is not connected and has no value"
+            if len(inputs) > 1:
+                unset = f"none of {', '.join(inputs)} is connected or set"
+            is_lost = len(inputs) == 1 and not fixed
+            wire = likely_wire(node, inputs[0], subject) if is_lost else ()
             expected = "a wire or a value"
             if fixed:
                 useful = "a value that changes" if need.changing else "another value"
@@ -72,7 +70,7 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(
                 node.path,
                 (fixed or unset) + (f": {need.effect}" if is_zero else ""),
-                property=f"inputs:{inputs[0]}",
+                property=inputs[0],
                 expected=expected,
                 hint=wire_hint(wire),
                 fix=wire,
@@ -83,10 +81,10 @@ def unset_input(subject: LintSubject) -> Iterator[Problem]:
 
 
 def _fixed_input(
-    node: Node, names: list[str], need: Need, subject: LintSubject
+    node: Node, ports: list[str], need: Need, subject: LintSubject
 ) -> tuple[str, bool]:
     """Say which of some inputs has a useless value, '' for none, and whether that is nothing."""
-    for port in (INPUT + name for name in names):
+    for port in ports:
         value = effective_value(node, port, subject.live)
         if value is None:
             continue
@@ -259,32 +257,23 @@ def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
     judged: set[str] = set()
     for wire in connections(subject.stage):
         kind = None if wire.source is None else wire.source.type
-        ends = wire.ports
-        if kind is None or ends is None or not ends[1].is_execution or wire.node.path in judged:
+        node, taker = wire.node, wire.node.type
+        if kind is None or taker is None or node.path in judged or wire.kind != "execution":
             continue
         is_driven = kind.role == "subscriber" and wire.source_port.startswith(OUTPUT)
-        is_alone = all(source == wire.path for source in wire.node.sources(wire.port))
-        if is_driven and is_alone and _has_pace(wire):
-            judged.add(wire.node.path)
+        is_alone = all(source == wire.path for source in node.sources(wire.port))
+        publishes = has_side_effects(node) and taker.role != "service" and not taker.drives
+        works_in_time = any(node.value(port) for port in taker.step_limits)
+        if is_driven and is_alone and (publishes or works_in_time):
+            judged.add(node.path)
             yield Problem(
-                wire.node.path,
-                f"{subject.title(wire.node)} executes only when a message arrives at "
+                node.path,
+                f"{subject.title(node)} executes only when a message arrives at "
                 f"{wire.source_prim.rpartition('/')[2]}",
                 property=wire.port,
                 expected="a wire from On Playback Tick",
                 actual=wire.path,
             )
-
-
-def _has_pace(wire: Connection) -> bool:
-    """Whether a node should compute at every update: it publishes, or works in time."""
-    kind = wire.node.type
-    if kind is None:
-        return False
-    limits = [wire.node.value(port) for port in kind.step_limits]
-    return (has_side_effects(wire.node) and kind.role != "service" and not kind.drives) or any(
-        limits
-    )
 
 
 @rule("K27", "another-quantity", scope="lint", severity="warning")
@@ -329,10 +318,8 @@ _SPEEDS = ("speeds of wheels", "speeds of joints")
 
 def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
     """Return the quantities that the inputs of a node are meant for; a stamp that counts is one."""
-    quantity = None if node.type is None else subject.platform.quantities.get(node.type.type)
-    takes = (
-        {} if quantity is None else {INPUT + short: each for short, each in quantity.takes.items()}
-    )
+    quantity = subject.platform.quantities.get(node.type_name)
+    takes = {INPUT + name: taken for name, taken in quantity.takes.items()} if quantity else {}
     needed = {
         INPUT + name
         for need in needs_of(node, subject.platform, subject.live)
