@@ -87,17 +87,17 @@ def sensor_of(node: Node, live: Nodes) -> str | None:
     return None
 
 
-def read_sensors(stage: StageModel) -> Iterator[tuple[Node, SensorOf, str]]:
-    """Yield the nodes that publish a sensor, with what they ask of it and its path."""
+def read_sensors(stage: StageModel) -> Iterator[tuple[Node, SensorOf, Prim]]:
+    """Yield the nodes that publish a sensor of the scene, with what they ask of it and its prim."""
     live = live_nodes(stage)
     for node, needed in nodes_in(stage.platform.sensors, stage):
         shown = shown_by(node, PRODUCT, stage, live)
-        path = sensor_of(node, live) if shown is None else shown.sensor
-        if path is not None:
-            yield node, needed, path
+        prim = stage.prim((sensor_of(node, live) if shown is None else shown.sensor) or "")
+        if prim is not None:
+            yield node, needed, prim
 
 
 def read_lidars(stage: StageModel) -> list[Prim]:
     """Return the lidars that a node publishes."""
-    paths = dict.fromkeys(path for _, needed, path in read_sensors(stage) if needed.needs)
-    return [prim for path in paths if (prim := stage.prim(path)) is not None]
+    lidars = (prim for _, needed, prim in read_sensors(stage) if needed.needs)
+    return list({prim.path: prim for prim in lidars}.values())

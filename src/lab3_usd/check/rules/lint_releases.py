@@ -151,10 +151,9 @@ def skipped_readings(subject: LintSubject) -> Iterator[Problem]:
 def _skipping(subject: LintSubject) -> Iterator[tuple[Node, int, float]]:
     """Yield the nodes that leave out readings of a sensor, how many, and its rate."""
     skips, names = subject.platform.changes.skips, subject.platform.sensor_models.lidar
-    for node, _, path in read_sensors(subject.stage):
-        prim = subject.stage.prim(path)
+    for node, _, prim in read_sensors(subject.stage):
         left_out = effective_value(node, skips.input, subject.live)
-        rate = None if prim is None else values_of(prim, subject.stage).number(names.rate)
+        rate = values_of(prim, subject.stage).number(names.rate)
         if isinstance(left_out, int) and left_out > 0 and rate is not None and rate > 0:
             yield node, left_out, rate
 
@@ -382,12 +381,10 @@ def _means(node: Node, meaning: Meaning, subject: LintSubject) -> bool:
 
 def _reads_other(node: Node, names: Iterable[str], subject: LintSubject) -> bool:
     """Whether a node reads a sensor that has one of these attributes otherwise than its schema."""
-    for reader, _, path in read_sensors(subject.stage):
-        prim = subject.stage.prim(path)
-        if reader is node and prim is not None:
-            attributes = values_of(prim, subject.stage).attributes
-            for name in names:
-                value = prim.attributes.get(name)
-                if value is not None and name in attributes and attributes[name].default != value:
-                    return True
+    for reader, _, prim in read_sensors(subject.stage):
+        attributes = values_of(prim, subject.stage).attributes if reader is node else {}
+        for name in names:
+            value = prim.attributes.get(name)
+            if value is not None and name in attributes and attributes[name].default != value:
+                return True
     return False

@@ -128,8 +128,6 @@ def _why_no_body(odometry: Followed) -> str:
     return f"and its first link {odometry.body.path} {fault}" if is_other else f"which {fault}"
 
 
-_BODIES = ("physics:body0", "physics:body1")
-
 _SPEED = "linear speed"
 _TOLERANCE = Parameter("K64", "tolerance", 0.05, "by what share sizes may differ")  # builders round
 

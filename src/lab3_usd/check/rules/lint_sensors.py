@@ -74,22 +74,19 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
 
     Example: a ROS2 RTX Lidar Helper behind the render product of the camera.
     """
-    for node, needed, path in read_sensors(subject.stage):
-        prim = subject.stage.prim(path)
-        if prim is None:
-            continue
-        if prim.type not in needed.types and not (
-            set(prim.apis) & needed.schemas_in(subject.platform.release)
-        ):
+    for node, needed, prim in read_sensors(subject.stage):
+        apis = set(prim.apis)
+        is_accepted = not apis.isdisjoint(needed.schemas_in(subject.platform.release))
+        if prim.type not in needed.types and not is_accepted:
             yield Problem(
                 node.path,
-                f"reads {path}, which has {f'type {prim.type}' if prim.type else 'no type'}",
+                f"reads {prim.path}, which has {f'type {prim.type}' if prim.type else 'no type'}",
                 property=PRODUCT,
                 expected=" or ".join(needed.types),
                 actual=prim.type,
-                related=(path,),
-                hint=needed.instead or None if set(prim.apis) & {*needed.schemas_until} else None,
-                rests_on=None if prim.type else subject.stage.unknown(path),
+                related=(prim.path,),
+                hint=needed.instead or None if apis & {*needed.schemas_until} else None,
+                rests_on=None if prim.type else subject.stage.unknown(prim.path),
             )
 
 
@@ -103,18 +100,15 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
 
     Example: an `OmniLidar` without `OmniSensorGenericLidarCoreAPI`.
     """
-    for node, needed, path in read_sensors(subject.stage):
-        prim = subject.stage.prim(path)
-        if prim is None or not needed.needs:
-            continue
-        if prim.type in needed.types and needed.needs not in prim.apis:
+    for node, needed, prim in read_sensors(subject.stage):
+        if needed.needs and prim.type in needed.types and needed.needs not in prim.apis:
             yield Problem(
-                path,
+                prim.path,
                 f"has no {needed.needs}, so {node.path} refuses it",
                 expected=needed.needs,
                 related=(node.path,),
-                fix=(ApplySchema(path, needed.needs),),
-                rests_on=subject.stage.unknown(path),
+                fix=(ApplySchema(prim.path, needed.needs),),
+                rests_on=subject.stage.unknown(prim.path),
             )
 
 
@@ -136,8 +130,8 @@ def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
     `OgnROS2RtxLidarHelper.py:119-134`.
     """
     reading: dict[str, list[str]] = {}
-    for node, _, path in read_sensors(subject.stage):
-        reading.setdefault(path, []).append(node.path)
+    for node, _, prim in read_sensors(subject.stage):
+        reading.setdefault(prim.path, []).append(node.path)
     for prim, fault in _sensor_faults(subject):
         if fault.severity == "error":
             readers = tuple(reading.get(prim.path, ()))
@@ -149,9 +143,9 @@ def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
 def _sensor_faults(subject: LintSubject) -> Iterator[tuple[Prim, SensorFault]]:
     """Yield what is wrong with the values of sensors: those that nodes read, and all others."""
     models, stage = subject.platform.sensor_models, subject.stage
-    read = (stage.prim(path) for _, _, path in read_sensors(subject.stage))
+    read = (prim for _, _, prim in read_sensors(stage))
     sensors = (*read, *stage.with_api(lambda api: models.is_sensor([api])))
-    for prim in {prim.path: prim for prim in sensors if prim is not None and prim.present}.values():
+    for prim in {prim.path: prim for prim in sensors if prim.present}.values():
         for fault in faults_of(prim, stage):
             yield prim, fault
 
@@ -193,8 +187,8 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     before = subject.moved_from
     is_moved = before is not None and leads_past(since, before.release, release)
     flat = {
-        path
-        for node, _, path in read_sensors(subject.stage)
+        prim.path
+        for node, _, prim in read_sensors(subject.stage)
         if effective_value(node, KIND, subject.live) == _FLAT
     }
     for prim in read_lidars(subject.stage):
@@ -318,15 +312,14 @@ def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
     Example: an `OmniLidar` with `xformOp:rotateX = 90` in a stage with Z up.
     """
     up = AXES["XYZ".index(subject.stage.up_axis)]
-    for node, needed, path in read_sensors(subject.stage):
-        prim = subject.stage.prim(path)
+    for node, needed, prim in read_sensors(subject.stage):
         is_flat = effective_value(node, KIND, subject.live) == _FLAT
-        if prim is None or prim.world is None or not (needed.needs and is_flat):
+        if prim.world is None or not (needed.needs and is_flat):
             continue
         tilt = angle_between(rotate_vector(AXES[2], decompose(prim.world).rotation), up)
         if tilt > subject.value(_STEEP):
             yield Problem(
-                path,
+                prim.path,
                 f"its Z axis points {tilt:.0f} degrees away from up, and {node.path} publishes a "
                 "flat scan",
                 related=(node.path,),
