@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterable, Iterator, Mapping
+from itertools import product
 from typing import get_args
 
 from lab3_usd.check.match.rule_inputs import LintSubject
@@ -35,7 +36,6 @@ from lab3_usd.model.finding import Place, Problem, display
 from lab3_usd.model.joint_drives import (
     DRIVEN_AXES,
     JointCommand,
-    JointFault,
     hindrance,
     moving_command,
     of_drive,
@@ -183,7 +183,7 @@ def command_count(subject: LintSubject) -> Iterator[Problem]:
     Example: `jointNames = ["left_wheel"]`, and a Differential Controller gives two speeds.
     """
     for command in commands(subject.stage):
-        facts = subject.platform.joints.get(command.node.type.type if command.node.type else "")
+        facts = subject.platform.joints.get(command.node.type_name)
         may_spread = facts is not None and is_release_within(
             subject.platform.release, "", facts.spreads_until
         )
@@ -295,7 +295,7 @@ def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
 
 def _index_port(node: Node) -> str:
     """Return the input that numbers the element which a node takes, '' for another node."""
-    is_one = node.type is not None and last_part(node.type.type) == "ArrayIndex"
+    is_one = node.type is not None and last_part(node.type_name) == "ArrayIndex"
     return f"{INPUT}index" if is_one else ""
 
 
@@ -312,14 +312,39 @@ def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
 
     Example: an importer left `stiffness = 10000` on the wheel joints.
     """
+    yield from _not_following(commands(subject.stage), ("velocity",), subject)
+
+
+def _not_following(
+    given: Iterable[Command], kinds: tuple[JointCommand, ...], subject: LintSubject
+) -> Iterator[Problem]:
+    """Yield the joints that do not follow commands of some kinds, each once.
+
+    Where messages name the joints, one may not be commanded: a warning.
+    """
     judged: set[str] = set()
-    for command in commands(subject.stage):
-        for joint in _joints_moved_by("velocity", command, subject):
-            why = of_drive(joint.type, joint.apis, joint.attributes, "velocity")
-            if why is not None and joint.path not in judged:
-                asset = _unread(command, joint, why, subject.stage)
-                judged |= set() if asset else {joint.path}
-                yield _problem("velocity", command, joint, why, asset)
+    for command, kind in product(given, kinds):
+        # What else keeps a wheel from its speed, K82 says.
+        judge = of_drive if kind == "velocity" else hindrance
+        for joint in _joints_moved_by(kind, command, subject):
+            why = judge(joint.type, joint.apis, joint.attributes, kind)
+            if why is None or joint.path in judged:
+                continue
+            # A missing asset could set the value, or hold the robot whose joints nobody names.
+            own = () if not why.property or why.property in joint.attributes else (joint.path,)
+            asset = subject.stage.unknown(*own, *(() if command.names else command.roots))
+            judged |= set() if asset else {joint.path}
+            article = "an" if kind == "effort" else "a"
+            yield Problem(
+                joint.path,
+                f"{why.text}, but {command.node.path} commands {article} {kind}",
+                property=why.property,
+                expected=why.expected,
+                actual=why.actual,
+                related=(command.node.path,),
+                severity=None if _has_known_joints(kind, command) else "warning",
+                rests_on=asset,
+            )
 
 
 def _joints_moved_by(kind: JointCommand, command: Command, subject: LintSubject) -> Iterator[Prim]:
@@ -344,39 +369,6 @@ def _has_known_joints(kind: JointCommand, command: Command) -> bool:
     return bool(command.names) or (command.names == () and kind == "velocity")
 
 
-def _unread(
-    command: Command, joint: Prim, why: JointFault, stage: StageModel
-) -> UnresolvedAsset | None:
-    """Return the missing asset that could let a joint follow, or say that it is not commanded.
-
-    That is one which could set the value, and where no names are known one that holds the robot.
-    """
-    own = () if not why.property or why.property in joint.attributes else (joint.path,)
-    of_robot = () if command.names else command.roots
-    return stage.unknown(*own, *of_robot)
-
-
-def _problem(
-    kind: JointCommand,
-    command: Command,
-    joint: Prim,
-    why: JointFault,
-    asset: UnresolvedAsset | None,
-) -> Problem:
-    """Return why a joint does not follow; where messages name the joints, it may not be told to."""
-    article = "an" if kind == "effort" else "a"
-    return Problem(
-        joint.path,
-        f"{why.text}, but {command.node.path} commands {article} {kind}",
-        property=why.property,
-        expected=why.expected,
-        actual=why.actual,
-        related=(command.node.path,),
-        severity=None if _has_known_joints(kind, command) else "warning",
-        rests_on=asset,
-    )
-
-
 @rule("K86", "joint-cannot-follow", scope="lint")
 def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
     """A joint cannot follow commands to a position, or an effort.
@@ -392,15 +384,7 @@ def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `stiffness = 0` on one of the six joints of an arm.
     """
-    judged: set[str] = set()
-    for command in commands(subject.stage):
-        if controller_of(command, subject.stage) is not None:
-            continue  # speeds of wheels, which are no positions
-        kinds: tuple[JointCommand, ...] = ("position", "effort")
-        for kind in kinds:
-            for joint in _joints_moved_by(kind, command, subject):
-                why = hindrance(joint.type, joint.apis, joint.attributes, kind)
-                if why is not None and joint.path not in judged:
-                    asset = _unread(command, joint, why, subject.stage)
-                    judged |= set() if asset else {joint.path}
-                    yield _problem(kind, command, joint, why, asset)
+    every = commands(subject.stage)
+    # Controllers of wheels give speeds, which are no positions.
+    others = (command for command in every if controller_of(command, subject.stage) is None)
+    yield from _not_following(others, ("position", "effort"), subject)
