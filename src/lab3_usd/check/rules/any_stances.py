@@ -58,18 +58,16 @@ def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
     for node, machine in driven_machines(stage):
         for problem in _carried(machine, stage):
             yield replace(problem, related=(*problem.related, node.path))
-    for machine in _tipping(stage):
-        yield from _carried(machine, stage)
-
-
-def _tipping(stage: StageModel) -> Iterator[Machine]:
-    """Yield the robots on wheels that tip over and that nothing commands."""
+    # Those that tip over and that nothing commands.
     built = machines(stage)
-    falling = [each for each in built.machines if each.falls] if built is not None else []
-    wheeled = robots(stage) if falling else ()
-    idle = [each for each in wheeled if not commands_of((each.root,), stage)]
-    wheels = {wheel.joint.link for each in idle for wheel in each.wheels}
-    yield from (machine for machine in falling if not wheels.isdisjoint(machine.rest))
+    falling = [machine for machine in built.machines if machine.falls] if built is not None else []
+    idle = (
+        [each for each in robots(stage) if not commands_of((each.root,), stage)] if falling else []
+    )
+    wheels = {wheel.joint.link for robot in idle for wheel in robot.wheels}
+    for machine in falling:
+        if not wheels.isdisjoint(machine.rest):
+            yield from _carried(machine, stage)
 
 
 @rule("S31", "carried-by-other-parts", scope="stage", demands=rests, needs="wheels")
@@ -84,16 +82,16 @@ def carried_by_other_parts(subject: StageSubject) -> Iterator[Problem]:
     Example: the collision box of `{robot}/{base}` reaches 1 mm below the wheels.
     """
     built = machines(subject.stage)
-    for robot in subject.lab.scene.robots if built is not None else ():
+    if built is None:
+        return
+    for robot in subject.lab.scene.robots:
         rolling = map(robot.path_of, robot.wheels.joints.values())
-        members = (built.member.get(link) for link in rolling) if built is not None else ()
-        machine = next(filter(None, members), None)
-        turned = [
-            f"{robot.path}/{robot.wheels.joints_below}/{name}" for name in robot.wheels.joints
-        ]
+        machine = next(filter(None, map(built.member.get, rolling)), None)
+        below = f"{robot.path}/{robot.wheels.joints_below}"
+        turned = [f"{below}/{name}" for name in robot.wheels.joints]
         parts = (robot.path, *map(robot.path_of, robot.links), *turned)
         for problem in _carried(machine, subject.stage) if machine is not None else ():
-            body = built.body_of(problem.prim) if built is not None else ""
+            body = built.body_of(problem.prim)
             yield replace(
                 problem,
                 handout=subject.lab.handout.behind("S19", robot.handout),
@@ -203,23 +201,19 @@ def starts_inside(subject: ModelSubject) -> Iterator[Problem]:
     for machine in built.machines if built is not None else ():
         for overlap in machine.inside:
             pair = frozenset((overlap.own, overlap.other))
-            if pair not in told:
-                told.add(pair)
-                yield Problem(
-                    overlap.own,
-                    f"is {100 * overlap.depth:.2g} cm inside {overlap.other}",
-                    expected="shapes that do not overlap",
-                    related=(overlap.other,),
-                    assumes=(
-                        *(
-                            (path, "xformOp:*")
-                            for shape in (overlap.own, overlap.other)
-                            for path in upwards(shape)
-                        ),
-                        *((joint.path, None) for joint in machine.parents.values()),
-                    ),
-                    rests_on=subject.stage.unknown(overlap.own, overlap.other),
-                )
+            if pair in told:
+                continue
+            told.add(pair)
+            shapes = (overlap.own, overlap.other)
+            places = [(path, "xformOp:*") for shape in shapes for path in upwards(shape)]
+            yield Problem(
+                overlap.own,
+                f"is {100 * overlap.depth:.2g} cm inside {overlap.other}",
+                expected="shapes that do not overlap",
+                related=(overlap.other,),
+                assumes=(*places, *((joint.path, None) for joint in machine.parents.values())),
+                rests_on=subject.stage.unknown(*shapes),
+            )
 
 
 @rule("Y05", "impossible-inertia", scope="lint", severity="warning")
@@ -235,8 +229,10 @@ def impossible_inertia(subject: ModelSubject) -> Iterator[Problem]:
     Example: `physics:diagonalInertia = (1, 1, 1)` of a link of 30 g.
     """
     built = machines(subject.stage)
-    for machine in built.machines if built is not None else ():
-        for path, text in inert(built, machine) if built is not None else ():
+    if built is None:
+        return
+    for machine in built.machines:
+        for path, text in inert(built, machine):
             yield Problem(
                 path,
                 text,
