@@ -255,7 +255,7 @@ def _are_one(
 def rule(  # noqa: PLR0913 - decorators name them
     rule_id: str,
     name: str,
-    scope: Scope,
+    scope: Scope = "lint",
     severity: Severity = "error",
     formerly: str = "",
     demands: Demands | None = None,

@@ -80,7 +80,7 @@ def _others(edges: Iterable[Edge], site: Edge) -> tuple[str, ...]:
     return tuple(dict.fromkeys(e.publisher for e in edges if e.publisher != site.publisher))
 
 
-@rule("K50", "multiple-parents", scope="lint", formerly="frame-of-two-parents")
+@rule("K50", "multiple-parents", formerly="frame-of-two-parents")
 @rule("T03", "two-parents", scope="frames")
 def two_parents(subject: TransformsSubject) -> Iterator[Problem]:
     """A frame has two parents.
@@ -122,7 +122,7 @@ def two_parents(subject: TransformsSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K54", "duplicate-transform", scope="lint", formerly="transform-of-two-publishers")
+@rule("K54", "duplicate-transform", formerly="transform-of-two-publishers")
 @rule("T04", "transform-published-twice", scope="frames")
 def duplicate_transform(subject: TransformsSubject) -> Iterator[Problem]:
     """A transform is published twice.
@@ -179,7 +179,7 @@ def _of_several_prims(heard: Tree[Edge]) -> Iterator[list[Edge]]:
             yield edges
 
 
-@rule("K51", "self-transform", scope="lint", formerly="frame-below-itself")
+@rule("K51", "self-transform", formerly="frame-below-itself")
 @rule("T09", "frame-is-its-own-parent", scope="frames")
 def self_transform(subject: TransformsSubject) -> Iterator[Problem]:
     """A frame is its own parent.
@@ -214,7 +214,7 @@ def self_transform(subject: TransformsSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K52", "tf-cycle", scope="lint", formerly="frames-in-a-ring")
+@rule("K52", "tf-cycle", formerly="frames-in-a-ring")
 @rule("T05", "frame-cycle", scope="frames", formerly="ring-of-frames")
 def frame_cycle(subject: TransformsSubject) -> Iterator[Problem]:
     """The transforms form a cycle.
@@ -248,7 +248,7 @@ def frame_cycle(subject: TransformsSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K53", "disconnected-trees", scope="lint", severity="warning", formerly="trees-apart")
+@rule("K53", "disconnected-trees", severity="warning", formerly="trees-apart")
 @rule("T06", "disconnected-frames", scope="frames", formerly="frames-not-connected")
 def disconnected_frames(subject: TransformsSubject) -> Iterator[Problem]:
     """The transforms form disconnected trees.
@@ -313,7 +313,7 @@ def _joining_frame(
     )[:1]
 
 
-@rule("K55", "unpublished-frame", scope="lint", severity="warning", formerly="frame-of-nobody")
+@rule("K55", "unpublished-frame", severity="warning", formerly="frame-of-nobody")
 @rule("T11", "frame-id-not-in-tree", scope="frames", formerly="frame-id-outside-the-tree")
 def unpublished_frame(subject: TransformsSubject) -> Iterator[Problem]:
     """The stage does not publish the frame of a message.

@@ -29,7 +29,7 @@ from lab3_usd.model.stage import (
 )
 
 
-@rule("K07", "instanced-graph", scope="lint", severity="warning")
+@rule("K07", "instanced-graph", severity="warning")
 @rule("G06", "graph-in-instance", scope="graph", severity="warning")
 def instanced_graph(subject: GraphsSubject) -> Iterator[Problem]:
     """A graph is part of an instance.
@@ -56,7 +56,7 @@ def instanced_graph(subject: GraphsSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K03", "graph-not-evaluated", scope="lint")
+@rule("K03", "graph-not-evaluated")
 @rule("G03", "graph-kind", scope="graph")
 def graph_not_evaluated(subject: GraphsSubject) -> Iterator[Problem]:
     """A graph is never evaluated, or not in the required mode.
@@ -97,7 +97,7 @@ def graph_not_evaluated(subject: GraphsSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K31", "deprecated-types", scope="lint", severity="warning", formerly="old-names")
+@rule("K31", "deprecated-types", severity="warning", formerly="old-names")
 @rule("N06", "old-type-names", scope="graph", severity="warning")
 def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
     """Nodes have type or port names of another release.
@@ -172,7 +172,6 @@ def _stops_script(graph: GraphModel, subject: GraphsSubject) -> bool:
 @rule(
     "K33",
     "newer-version",
-    scope="lint",
     severity="note",
     counted=("node of a newer version", "nodes of a newer version"),
 )
@@ -209,7 +208,7 @@ def _newest_version(node: Node, subject: GraphsSubject) -> int | None:
     return subject.platform.newest_version(node.type)
 
 
-@rule("K34", "value-type", scope="lint", formerly="value-of-another-type")
+@rule("K34", "value-type", formerly="value-of-another-type")
 @rule("P03", "wrong-value-type", scope="graph")
 def value_type(subject: GraphsSubject) -> Iterator[Problem]:
     """A value has another type than its port.
@@ -246,7 +245,7 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K05", "stray-node", scope="lint", severity="warning")
+@rule("K05", "stray-node", severity="warning")
 @rule("N09", "node-outside-graph", scope="stage", severity="warning")
 def stray_node(subject: LintSubject | StageSubject) -> Iterator[Problem]:
     """A node is in no graph, or a graph's prim is not a node.
@@ -279,7 +278,7 @@ def stray_node(subject: LintSubject | StageSubject) -> Iterator[Problem]:
                 yield Problem(prim.path, f"is {prim.reason}: it never executes")
 
 
-@rule("K14", "unresolved-target", scope="lint", formerly="target-not-there")
+@rule("K14", "unresolved-target", formerly="target-not-there")
 @rule("R03", "unknown-target", scope="graph", severity="warning")
 def unresolved_target(subject: GraphsSubject) -> Iterator[Problem]:
     """A target prim of a node does not exist.
@@ -352,7 +351,7 @@ def _judged_targets(node: Node, subject: GraphsSubject | StageSubject) -> Iterat
         yield from ((port, path) for path in node.targets(port) if path not in asked)
 
 
-@rule("K63", "limit-needs-time-step", scope="lint")
+@rule("K63", "limit-needs-time-step")
 @rule("P11", "limit-without-time-step", scope="graph")
 def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
     """An acceleration needs a time step, which is 0.

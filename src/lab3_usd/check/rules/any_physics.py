@@ -56,7 +56,7 @@ def link_bodies(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
                 yield Demand(f"{group}/collision/{name}", title, path, link.handout)
 
 
-@rule("K96", "simulation-owner", scope="lint")
+@rule("K96", "simulation-owner")
 def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
     """A body of joints, its shape, joint or ground belongs to no physics scene, or to another.
 
@@ -170,7 +170,7 @@ def robot_of_no_scene(subject: StageSubject) -> Iterator[Problem]:
         yield replace(problem, handout=robot and robot.handout, fix=fix, unmet=unmet)
 
 
-@rule("K97", "ignored-physics", scope="lint", severity="warning")
+@rule("K97", "ignored-physics", severity="warning")
 @rule("S27", "physics-not-as-written", scope="stage", severity="warning")
 def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
     """PhysX interprets a jointed body, its collider or a joint differently from the file.

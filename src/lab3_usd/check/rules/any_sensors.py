@@ -13,7 +13,7 @@ from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.model.finding import Problem
 
 
-@rule("K93", "unequal-lidars", scope="lint")
+@rule("K93", "unequal-lidars")
 @rule("L13", "unequal-scan-rates", scope="stage")
 def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
     """Two lidars are read whose scan rates differ.

@@ -41,7 +41,7 @@ if TYPE_CHECKING:
     from lab3_usd.physics.machine import Machine
 
 
-@rule("Y01", "wheels-off-ground", scope="lint")
+@rule("Y01", "wheels-off-ground")
 def wheels_off_ground(subject: LintSubject) -> Iterator[Problem]:
     """Something below its driven wheels carries the robot, or nothing does, and it tips over.
 
@@ -129,7 +129,7 @@ def _carried(machine: Machine, stage: StageModel) -> Iterator[Problem]:
     )
 
 
-@rule("Y02", "ground-without-hold", scope="lint")
+@rule("Y02", "ground-without-hold")
 def ground_without_hold(subject: LintSubject) -> Iterator[Problem]:
     """The ground below a driven robot carries nothing.
 
@@ -157,7 +157,7 @@ def ground_without_hold(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("Y03", "gravity", scope="lint")
+@rule("Y03", "gravity")
 def gravity(subject: LintSubject) -> Iterator[Problem]:
     """No gravity holds the driven robot on the ground.
 
@@ -184,7 +184,7 @@ def gravity(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(scene.path, text, GRAVITY_DIRECTION, right, actual)
 
 
-@rule("Y04", "starts-inside", scope="lint", severity="warning")
+@rule("Y04", "starts-inside", severity="warning")
 @rule("S32", "starts-inside-another", scope="stage", severity="warning")
 def starts_inside(subject: ModelSubject) -> Iterator[Problem]:
     """A robot starts inside a wall, a crate or another robot.
@@ -216,7 +216,7 @@ def starts_inside(subject: ModelSubject) -> Iterator[Problem]:
             )
 
 
-@rule("Y05", "impossible-inertia", scope="lint", severity="warning")
+@rule("Y05", "impossible-inertia", severity="warning")
 @rule("S33", "inertia-of-no-body", scope="stage", severity="warning")
 def impossible_inertia(subject: ModelSubject) -> Iterator[Problem]:
     """A body of a robot has an inertia that no body of its mass and size can have.

@@ -41,7 +41,7 @@ def severity_of(*ends: Endpoint, subject: ModelSubject) -> Severity | None:
     return None if is_sure and are_one else "warning"
 
 
-@rule("K40", "two-publishers", scope="lint")
+@rule("K40", "two-publishers")
 @rule("Q01", "topic-published-twice", scope="stage")
 def two_publishers(subject: ModelSubject) -> Iterator[Problem]:
     """A topic has two publishers.
@@ -128,7 +128,7 @@ def _without(
     yield from map(RemovePrim, [graph] if is_copy else sorted(again.difference(played)))
 
 
-@rule("K41", "two-types", scope="lint")
+@rule("K41", "two-types")
 @rule("Q02", "wrong-topic-type", scope="stage", formerly="topic-of-another-type")
 def two_types(subject: ModelSubject) -> Iterator[Problem]:
     """One topic has two message types.
@@ -173,7 +173,7 @@ _STATIC, _MOVING = "/tf_static", "/tf"
 _KEPT = "transient_local"
 
 
-@rule("K57", "static-transforms", scope="lint")
+@rule("K57", "static-transforms")
 @rule("Q03", "wrong-durability", scope="stage", formerly="durability-of-a-topic")
 def static_transforms(subject: ModelSubject) -> Iterator[Problem]:
     """Moving transforms are sent once, or static ones are not kept.

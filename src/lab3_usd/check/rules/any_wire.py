@@ -95,7 +95,6 @@ def connect_hint(fault: WireFault) -> str:
 @rule(
     "K20",
     "dangling-wire",
-    scope="lint",
     formerly="wire-from-nowhere",
     counted=("wire with an unknown source", "wires with unknown sources"),
 )
@@ -123,7 +122,7 @@ def dangling_wire(subject: LintSubject) -> Iterator[Problem]:
     yield from of_one_cause(problems, "wires", stage)
 
 
-@rule("K21", "unknown-port", scope="lint")
+@rule("K21", "unknown-port")
 def unknown_port(subject: LintSubject) -> Iterator[Problem]:
     """A wire ends at a port that its node type lacks.
 
@@ -333,7 +332,7 @@ def _other_port(wire: Connection, lost: LostPort, subject: GraphsSubject) -> tup
     return (Connect(node.path, wire.port, usd_type),) if lost.is_idle else ()
 
 
-@rule("K22", "incompatible-types", scope="lint", formerly="types-that-do-not-fit")
+@rule("K22", "incompatible-types", formerly="types-that-do-not-fit")
 @rule("W09", "incompatible-wire", scope="graph")
 def incompatible_types(subject: GraphsSubject) -> Iterator[Problem]:
     """A wire joins incompatible types.
@@ -365,7 +364,7 @@ def incompatible_types(subject: GraphsSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K23", "wire-cycle", scope="lint", severity="warning", formerly="ring-of-wires")
+@rule("K23", "wire-cycle", severity="warning", formerly="ring-of-wires")
 @rule("W08", "execution-cycle", scope="graph")
 def wire_cycle(subject: GraphsSubject) -> Iterator[Problem]:
     """Wires of one kind form a cycle.
@@ -395,7 +394,7 @@ def wire_cycle(subject: GraphsSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K24", "multiple-sources", scope="lint", severity="warning", formerly="two-sources")
+@rule("K24", "multiple-sources", severity="warning", formerly="two-sources")
 @rule("W04", "second-source", scope="graph")
 def multiple_sources(subject: GraphsSubject) -> Iterator[Problem]:
     """An input has a second source.

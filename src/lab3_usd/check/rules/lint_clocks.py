@@ -25,7 +25,7 @@ from lab3_usd.model.changes import ClearValue
 from lab3_usd.model.finding import Problem
 
 
-@rule("K12", "context-missing", scope="lint", severity="warning")
+@rule("K12", "context-missing", severity="warning")
 def context_missing(subject: LintSubject) -> Iterator[Problem]:
     """A ROS node has no context, unlike others, or a number instead.
 
@@ -72,7 +72,7 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K13", "contexts-differ", scope="lint", severity="warning")
+@rule("K13", "contexts-differ", severity="warning")
 def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
     """Two contexts name different ROS domains.
 
@@ -109,7 +109,7 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K16", "domain-of-environment", scope="lint", severity="warning")
+@rule("K16", "domain-of-environment", severity="warning")
 def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
     """The environment can override the domain of a context.
 
@@ -136,7 +136,7 @@ def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
                 )
 
 
-@rule("K17", "domain-range", scope="lint")
+@rule("K17", "domain-range")
 def domain_range(subject: LintSubject) -> Iterator[Problem]:
     """A context names a domain that ROS 2 does not have.
 
@@ -161,7 +161,7 @@ def domain_range(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K44", "clock-elsewhere", scope="lint", severity="warning", formerly="two-clocks")
+@rule("K44", "clock-elsewhere", severity="warning", formerly="two-clocks")
 def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
     """The clock is published on another topic than `/clock`.
 
@@ -200,7 +200,7 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K45", "system-time", scope="lint", severity="warning")
+@rule("K45", "system-time", severity="warning")
 def system_time(subject: LintSubject) -> Iterator[Problem]:
     """A message has system time, others have simulation time.
 
@@ -229,7 +229,6 @@ def system_time(subject: LintSubject) -> Iterator[Problem]:
 @rule(
     "K46",
     "stamps-restart",
-    scope="lint",
     severity="note",
     counted=("time stamp that restarts at Stop", "time stamps that restart at Stop"),
 )
@@ -264,7 +263,7 @@ def _restarts(stamp: Stamp) -> str:
     return "restarts" if stamp.restarts else "continues"
 
 
-@rule("K47", "no-clock", scope="lint", severity="warning")
+@rule("K47", "no-clock", severity="warning")
 def no_clock(subject: LintSubject) -> Iterator[Problem]:
     """Messages have simulation time, but there is no clock.
 

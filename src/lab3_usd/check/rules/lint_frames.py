@@ -21,7 +21,7 @@ from lab3_usd.model.stage import Node
 _TWO = 2  # bodies that make a robot
 
 
-@rule("K88", "another-robot", scope="lint", severity="warning")
+@rule("K88", "another-robot", severity="warning")
 def another_robot(subject: LintSubject) -> Iterator[Problem]:
     """A node publishes a part of another robot.
 
@@ -147,7 +147,7 @@ def _is_root(path: str, parents: frozenset[str], subject: LintSubject) -> bool:
     return is_articulation or path in parents or not joined_bodies(subject.stage).carrier(path)
 
 
-@rule("K59", "shared-tf-topic", scope="lint", severity="warning")
+@rule("K59", "shared-tf-topic", severity="warning")
 def shared_tf_topic(subject: LintSubject) -> Iterator[Problem]:
     """A namespace above several robots joins their transforms.
 
@@ -172,7 +172,7 @@ def shared_tf_topic(subject: LintSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K58", "tree-on-two-topics", scope="lint", severity="warning")
+@rule("K58", "tree-on-two-topics", severity="warning")
 def tree_on_two_topics(subject: LintSubject) -> Iterator[Problem]:
     """One TF tree is spread over two topics.
 
@@ -217,13 +217,7 @@ def _frames(heard: HeardTree) -> set[tuple[str, str]]:
     return {(edge.parent, edge.child) for edge in heard.tree.edges}
 
 
-@rule(
-    "K56",
-    "odometry-tf-mismatch",
-    scope="lint",
-    severity="warning",
-    formerly="odometry-and-transform-differ",
-)
+@rule("K56", "odometry-tf-mismatch", severity="warning", formerly="odometry-and-transform-differ")
 def odometry_tf_mismatch(subject: LintSubject) -> Iterator[Problem]:
     """Odometry message and transform name different frames.
 

@@ -34,7 +34,7 @@ from lab3_usd.model.stage import Node, StageModel, absence_reason
 _MOST = 4  # inputs that a message lists
 
 
-@rule("K10", "unset-input", scope="lint", formerly="works-on-zeros")
+@rule("K10", "unset-input", formerly="works-on-zeros")
 def unset_input(subject: LintSubject) -> Iterator[Problem]:
     """A required input is neither connected nor set.
 
@@ -115,7 +115,7 @@ def _listed(ports: tuple[str, ...]) -> str:
     return f"{', '.join(ports[:_MOST])}{' and others' if len(ports) > _MOST else ''} are"
 
 
-@rule("K11", "array-gaps", scope="lint", formerly="array-with-gaps")
+@rule("K11", "array-gaps", formerly="array-with-gaps")
 def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     """An array has an empty element, or inputs beyond its size.
 
@@ -187,7 +187,6 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
 @rule(
     "K25",
     "value-and-wire",
-    scope="lint",
     severity="note",
     formerly="value-under-a-wire",
     counted=("value overridden by a wire", "values overridden by wires"),
@@ -216,7 +215,7 @@ def value_and_wire(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K28", "wired-literal", scope="lint", severity="warning")
+@rule("K28", "wired-literal", severity="warning")
 def wired_literal(subject: LintSubject) -> Iterator[Problem]:
     """A wire leads into an input that must be set instead.
 
@@ -242,7 +241,7 @@ def wired_literal(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K26", "driven-by-messages", scope="lint", severity="warning")
+@rule("K26", "driven-by-messages", severity="warning")
 def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
     """A node runs only when a message arrives.
 
@@ -276,7 +275,7 @@ def driven_by_messages(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K27", "another-quantity", scope="lint", severity="warning")
+@rule("K27", "another-quantity", severity="warning")
 def another_quantity(subject: LintSubject) -> Iterator[Problem]:
     """A wire brings another quantity than its input expects.
 
@@ -346,7 +345,7 @@ _OF_DRIVES = "drive:"
 _DRIVE_NAMES = ("damping", "maxForce", "stiffness", "targetPosition", "targetVelocity", "type")
 
 
-@rule("K99", "unknown-name", scope="lint")
+@rule("K99", "unknown-name")
 def unknown_name(subject: LintSubject) -> Iterator[Problem]:
     """A node names a variable, prim or property that does not exist.
 

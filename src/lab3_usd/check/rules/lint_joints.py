@@ -45,7 +45,7 @@ from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset
 
 
-@rule("K61", "unknown-joint", scope="lint")
+@rule("K61", "unknown-joint")
 def unknown_joint(subject: LintSubject) -> Iterator[Problem]:
     """A controller names a joint that its robot does not have.
 
@@ -170,7 +170,7 @@ def _unknown_joint(
     return asset
 
 
-@rule("K68", "command-count", scope="lint", formerly="number-of-commands")
+@rule("K68", "command-count", formerly="number-of-commands")
 def command_count(subject: LintSubject) -> Iterator[Problem]:
     """A controller receives more or fewer commands than joints.
 
@@ -224,7 +224,7 @@ def _sizes_and_gaps(command: Command, subject: LintSubject) -> Iterator[Place]:
                 yield maker.path, element
 
 
-@rule("K69", "ignored-indices", scope="lint", severity="warning")
+@rule("K69", "ignored-indices", severity="warning")
 def ignored_indices(subject: LintSubject) -> Iterator[Problem]:
     """The joint indices of a controller are all 0.
 
@@ -255,7 +255,7 @@ _PORTS: Mapping[JointCommand, str] = {
 _KINDS = {port: kind for kind, port in _PORTS.items()}
 
 
-@rule("K95", "one-command-for-all", scope="lint")
+@rule("K95", "one-command-for-all")
 def one_command_for_all(subject: LintSubject) -> Iterator[Problem]:
     """Several joints get the same element of the commands for two wheels.
 
@@ -299,7 +299,7 @@ def _index_port(node: Node) -> str:
     return f"{INPUT}index" if is_one else ""
 
 
-@rule("K62", "drive-ignores-velocity", scope="lint")
+@rule("K62", "drive-ignores-velocity")
 def drive_ignores_velocity(subject: LintSubject) -> Iterator[Problem]:
     """The drive of a joint ignores its velocity commands.
 
@@ -369,7 +369,7 @@ def _has_known_joints(kind: JointCommand, command: Command) -> bool:
     return bool(command.names) or (command.names == () and kind == "velocity")
 
 
-@rule("K86", "joint-cannot-follow", scope="lint")
+@rule("K86", "joint-cannot-follow")
 def joint_cannot_follow(subject: LintSubject) -> Iterator[Problem]:
     """A joint cannot follow commands to a position, or an effort.
 

@@ -38,7 +38,7 @@ _APART, _ACROSS = -0.9, 0.5  # cosine of the angle between two axes
 _FLAT = 1.8  # widths of a wheel by its radius, from which on nothing tells its axis
 
 
-@rule("K81", "robot-tied-to-world", scope="lint", severity="warning")
+@rule("K81", "robot-tied-to-world", severity="warning")
 def robot_tied_to_world(subject: LintSubject) -> Iterator[Problem]:
     """A fixed joint connects a driven robot to the world.
 
@@ -96,7 +96,7 @@ def _body(path: str, stage: StageModel) -> Prim | None:
     return stage.prim(joined_bodies(stage).carrier(path))
 
 
-@rule("K82", "wheel-cannot-turn", scope="lint")
+@rule("K82", "wheel-cannot-turn")
 def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
     """Something stops a commanded wheel or its robot.
 
@@ -221,7 +221,7 @@ def _wheel(joint: Prim, wheels: tuple[Prim, ...], stage: StageModel) -> str | No
     return moved[0] if len(moved) == 1 and len(ends(joint)) == len(BODIES) else None
 
 
-@rule("K83", "odometry-of-wheel", scope="lint", severity="warning")
+@rule("K83", "odometry-of-wheel", severity="warning")
 def odometry_of_wheel(subject: LintSubject) -> Iterator[Problem]:
     """The chassis of odometry is a wheel, or not the named link.
 
@@ -277,7 +277,7 @@ def misnamed(pose: MisnamedPose, why: str, rests_on: UnresolvedAsset | None) -> 
     )
 
 
-@rule("K84", "wheels-turn-apart", scope="lint")
+@rule("K84", "wheels-turn-apart")
 def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
     """Two wheel joints turn opposite ways, or one across its wheel's axis.
 

@@ -28,7 +28,7 @@ from lab3_usd.model.stage import Node, Unknown, same_value
 _LOOK = "nothing is wrong with the stage: see whether it still does what you want"
 
 
-@rule("K29", "gone-setting", scope="lint")
+@rule("K29", "gone-setting")
 def gone_setting(subject: LintSubject) -> Iterator[Problem]:
     """A setting has no effect in this release, and the node behaves differently.
 
@@ -84,7 +84,7 @@ def _without_prim(node: Node, gone: dict[str, GonePort]) -> Iterator[Problem]:
         )
 
 
-@rule("K48", "interrupted-renaming", scope="lint", severity="warning")
+@rule("K48", "interrupted-renaming", severity="warning")
 def interrupted_renaming(subject: LintSubject) -> Iterator[Problem]:
     """Isaac Sim stops renaming old node types at this node.
 
@@ -118,7 +118,7 @@ def interrupted_renaming(subject: LintSubject) -> Iterator[Problem]:
     )
 
 
-@rule("K49", "skipped-readings", scope="lint", severity="warning")
+@rule("K49", "skipped-readings", severity="warning")
 def skipped_readings(subject: LintSubject) -> Iterator[Problem]:
     """A helper leaves out readings of a sensor that has a rate of its own.
 
@@ -161,7 +161,6 @@ def _skipping(subject: LintSubject) -> Iterator[tuple[Node, int, float]]:
 @rule(
     "K39",
     "other-release",
-    scope="lint",
     severity="warning",
     counted=("other meaning in this release", "other meanings in this release"),
 )

@@ -33,7 +33,7 @@ from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node, StageModel
 
 
-@rule("K60", "no-articulation", scope="lint")
+@rule("K60", "no-articulation")
 def no_articulation(subject: LintSubject) -> Iterator[Problem]:
     """The target of a controller has no articulation.
 
@@ -69,7 +69,7 @@ def no_articulation(subject: LintSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K85", "nested-articulation", scope="lint", severity="warning")
+@rule("K85", "nested-articulation", severity="warning")
 def nested_articulation(subject: LintSubject) -> Iterator[Problem]:
     """An articulation root of a commanded robot is below another.
 
@@ -89,7 +89,7 @@ def nested_articulation(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(root, f"is an articulation root below another, {above}", related=(above,))
 
 
-@rule("K67", "odometry-without-body", scope="lint", formerly="no-body-to-follow")
+@rule("K67", "odometry-without-body", formerly="no-body-to-follow")
 def odometry_without_body(subject: LintSubject) -> Iterator[Problem]:
     """The chassis of odometry is neither body nor articulation root.
 
@@ -135,7 +135,6 @@ _TOLERANCE = Parameter("K64", "tolerance", 0.05, "by what share sizes may differ
 @rule(
     "K64",
     "wheel-size",
-    scope="lint",
     severity="warning",
     formerly="wheels-of-another-size",
     parameters=(_TOLERANCE,),
@@ -209,7 +208,7 @@ def _unlike_sizes(
             )
 
 
-@rule("K65", "joint-commanded-twice", scope="lint", formerly="joint-of-two-controllers")
+@rule("K65", "joint-commanded-twice", formerly="joint-of-two-controllers")
 def joint_commanded_twice(subject: LintSubject) -> Iterator[Problem]:
     """Two nodes command the same joint, or one names it twice.
 
@@ -295,7 +294,7 @@ def _shared(one: Command, other: Command, subject: LintSubject) -> tuple[list[st
     return (named if set(named) >= {*joints_of(one, subject.stage)} else []), False
 
 
-@rule("K66", "joint-order", scope="lint", severity="warning", formerly="left-and-right")
+@rule("K66", "joint-order", severity="warning", formerly="left-and-right")
 def joint_order(subject: LintSubject) -> Iterator[Problem]:
     """The wheel joints are named right or rear first.
 

@@ -44,7 +44,6 @@ _REASONS = {
 @rule(
     "K01",
     "never-executes",
-    scope="lint",
     formerly="never-computes",
     counted=(
         "node that waits for a switched-off node",
@@ -95,13 +94,7 @@ def _matters(stop: Stop, subject: LintSubject) -> bool:
     )
 
 
-@rule(
-    "K02",
-    "graph-not-in-scene",
-    scope="lint",
-    severity="note",
-    counted=("inactive graph", "inactive graphs"),
-)
+@rule("K02", "graph-not-in-scene", severity="note", counted=("inactive graph", "inactive graphs"))
 def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
     """A graph is deactivated, or an `over` without a definition.
 
@@ -148,7 +141,6 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
 @rule(
     "K94",
     "graph-beside-default-prim",
-    scope="lint",
     severity="note",
     counted=("graph outside the default prim", "graphs outside the default prim"),
 )
@@ -179,7 +171,7 @@ def graph_beside_default_prim(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K04", "event-never-fires", scope="lint")
+@rule("K04", "event-never-fires")
 def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
     """An event node never fires in its graph.
 
@@ -214,13 +206,7 @@ def event_never_fires(subject: LintSubject) -> Iterator[Problem]:
                     )
 
 
-@rule(
-    "K06",
-    "switched-off",
-    scope="lint",
-    severity="note",
-    counted=("disabled node", "disabled nodes"),
-)
+@rule("K06", "switched-off", severity="note", counted=("disabled node", "disabled nodes"))
 def switched_off(subject: LintSubject) -> Iterator[Problem]:
     """A ROS 2 node, or a node that passes execution signals, is disabled.
 
@@ -298,7 +284,7 @@ def _unreached(node: Node, port: str, why: str, expected: str, waiting: Sequence
     )
 
 
-@rule("K08", "two-events", scope="lint", severity="warning")
+@rule("K08", "two-events", severity="warning")
 def two_events(subject: LintSubject) -> Iterator[Problem]:
     """Two events trigger one node at every update.
 
@@ -343,7 +329,7 @@ def _events(node: Node, subject: LintSubject) -> dict[str, Node]:
     return events
 
 
-@rule("K09", "run-ends", scope="lint", severity="warning")
+@rule("K09", "run-ends", severity="warning")
 def run_ends(subject: LintSubject) -> Iterator[Problem]:
     """A node stops the simulation or closes Isaac Sim.
 
@@ -365,7 +351,7 @@ def run_ends(subject: LintSubject) -> Iterator[Problem]:
 _HELPER, _SUBSCRIBER = "helper", "subscriber"
 
 
-@rule("K91", "gated-sensor", scope="lint", severity="warning")
+@rule("K91", "gated-sensor", severity="warning")
 def gated_sensor(subject: LintSubject) -> Iterator[Problem]:
     """A gate precedes the helper of a sensor.
 
@@ -392,7 +378,7 @@ def gated_sensor(subject: LintSubject) -> Iterator[Problem]:
                 break
 
 
-@rule("K92", "sensor-waits-for-message", scope="lint", severity="warning")
+@rule("K92", "sensor-waits-for-message", severity="warning")
 def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
     """A sensor waits for the first message of a subscriber.
 

@@ -55,13 +55,7 @@ def _axes(prim: Prim, subject: LintSubject) -> tuple[Vector, tuple[Vector, Vecto
     return pose.translation, (x, scaled(y, -1.0), scaled(z, -1.0)) if is_turned else (x, y, z)
 
 
-@rule(
-    "K77",
-    "frame-of-another-sensor",
-    scope="lint",
-    severity="warning",
-    parameters=(_BASELINE,),
-)
+@rule("K77", "frame-of-another-sensor", severity="warning", parameters=(_BASELINE,))
 def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     """A message names the frame of another sensor.
 
@@ -110,13 +104,7 @@ def _is_another(prim: Prim, topic: SensorTopic, subject: LintSubject) -> bool:
     return not (is_pair or prim.path in topic.others)
 
 
-@rule(
-    "K87",
-    "frame-off-sensor",
-    scope="lint",
-    severity="warning",
-    parameters=(_APART, _TURNED),
-)
+@rule("K87", "frame-off-sensor", severity="warning", parameters=(_APART, _TURNED))
 def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
     """A sensor's frame does not move with it, is elsewhere, or is turned against it.
 
@@ -175,7 +163,7 @@ def _shifted(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str
     return f"which is {away:.2g} m from {sensor}" if away > subject.value(_APART) else ""
 
 
-@rule("K78", "image-info-mismatch", scope="lint", severity="warning")
+@rule("K78", "image-info-mismatch", severity="warning")
 def image_info_mismatch(subject: LintSubject) -> Iterator[Problem]:
     """An image and its camera info differ.
 
@@ -231,7 +219,7 @@ def _size(shown: Shown) -> str:
     return "{} x {}".format(*(shown.size or ()))
 
 
-@rule("K79", "stereo-pair", scope="lint")
+@rule("K79", "stereo-pair")
 def stereo_pair(subject: LintSubject) -> Iterator[Problem]:
     """A stereo pair differs in size, or shows one camera.
 

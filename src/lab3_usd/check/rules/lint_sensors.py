@@ -29,7 +29,7 @@ _FLAT = "laser_scan"
 _STEEP = Parameter("K76", "angle", 45.0, "degrees that the Z axis may point away from up")
 
 
-@rule("K15", "unreadable-target", scope="lint")
+@rule("K15", "unreadable-target")
 def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
     """A target of a node has the wrong type of prim.
 
@@ -63,7 +63,7 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K70", "product-of-another-sensor", scope="lint")
+@rule("K70", "product-of-another-sensor")
 def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     """A helper reads the render product of another sensor.
 
@@ -90,7 +90,7 @@ def product_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K71", "sensor-without-schema", scope="lint")
+@rule("K71", "sensor-without-schema")
 def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
     """A lidar lacks the schema that makes it one.
 
@@ -112,7 +112,7 @@ def sensor_without_schema(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K72", "refused-sensor", scope="lint", formerly="no-scan-from-this")
+@rule("K72", "refused-sensor", formerly="no-scan-from-this")
 def refused_sensor(subject: LintSubject) -> Iterator[Problem]:
     """The values of a sensor do not fit each other.
 
@@ -162,7 +162,7 @@ def _problem(prim: Prim, fault: SensorFault, subject: LintSubject) -> Problem:
     )
 
 
-@rule("K73", "partial-scans", scope="lint", severity="warning")
+@rule("K73", "partial-scans", severity="warning")
 def partial_scans(subject: LintSubject) -> Iterator[Problem]:
     """A lidar is read at another rate than it turns, or does not accumulate its scan.
 
@@ -219,13 +219,7 @@ def partial_scans(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule(
-    "K74",
-    "unused-camera",
-    scope="lint",
-    severity="note",
-    counted=("unused camera", "unused cameras"),
-)
+@rule("K74", "unused-camera", severity="note", counted=("unused camera", "unused cameras"))
 def unused_camera(subject: LintSubject) -> Iterator[Problem]:
     """No render product uses a robot's camera.
 
@@ -251,7 +245,7 @@ def unused_camera(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(prim.path, "no node reads this camera")
 
 
-@rule("K75", "empty-render-product", scope="lint")
+@rule("K75", "empty-render-product")
 def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
     """A render product has no width, no height or no camera.
 
@@ -300,7 +294,7 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K76", "lidar-on-its-side", scope="lint", severity="warning", parameters=(_STEEP,))
+@rule("K76", "lidar-on-its-side", severity="warning", parameters=(_STEEP,))
 def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
     """The scan plane of a lidar is not level.
 
@@ -327,7 +321,7 @@ def lidar_on_its_side(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K80", "script", scope="lint", severity="note", counted=("script", "scripts"))
+@rule("K80", "script", severity="note", counted=("script", "scripts"))
 def script(subject: LintSubject) -> Iterator[Problem]:
     """The stage contains code.
 
@@ -342,7 +336,7 @@ def script(subject: LintSubject) -> Iterator[Problem]:
         yield Problem(code.prim, f"carries code ({code.carrier}), which is not judged")
 
 
-@rule("K89", "odd-sensor-value", scope="lint", severity="warning")
+@rule("K89", "odd-sensor-value", severity="warning")
 def sensor_value(subject: LintSubject) -> Iterator[Problem]:
     """A sensor has a value or attribute unknown to its model.
 

@@ -35,7 +35,7 @@ from lab3_usd.model.qos import Qos, refusal, unmatched
 from lab3_usd.model.stage import Node, StageModel
 
 
-@rule("K42", "invalid-qos", scope="lint", formerly="refused-profile")
+@rule("K42", "invalid-qos", formerly="refused-profile")
 def invalid_qos(subject: LintSubject) -> Iterator[Problem]:
     """A QoS profile cannot be read, or has a policy that does not exist.
 
@@ -71,7 +71,7 @@ def invalid_qos(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K43", "incompatible-qos", scope="lint", formerly="profiles-do-not-meet")
+@rule("K43", "incompatible-qos", formerly="profiles-do-not-meet")
 def incompatible_qos(subject: LintSubject) -> Iterator[Problem]:
     """Publisher and subscriber have incompatible QoS profiles.
 
@@ -99,7 +99,7 @@ def incompatible_qos(subject: LintSubject) -> Iterator[Problem]:
                 )
 
 
-@rule("K98", "unmatched-peer", severity="warning", scope="lint")
+@rule("K98", "unmatched-peer", severity="warning")
 def unmatched_peer(subject: LintSubject) -> Iterator[Problem]:
     """The usual peer of a topic cannot be matched with its endpoint.
 
@@ -129,7 +129,7 @@ def unmatched_peer(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K35", "unknown-token", scope="lint", formerly="value-not-offered")
+@rule("K35", "unknown-token", formerly="value-not-offered")
 def unknown_token(subject: LintSubject) -> Iterator[Problem]:
     """A token is not among the choices of its input.
 
@@ -198,7 +198,7 @@ def _setting(node: Node, name: str, value: str) -> tuple[Edit, ...]:
     return (SetValue(node.path, name, port.usd_type, value),)
 
 
-@rule("K37", "topic-name", scope="lint")
+@rule("K37", "topic-name")
 def topic_name(subject: LintSubject) -> Iterator[Problem]:
     """ROS 2 rejects or changes the name of a topic.
 
@@ -238,7 +238,7 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
         )
 
 
-@rule("K38", "frame-name", scope="lint", severity="warning")
+@rule("K38", "frame-name", severity="warning")
 def frame_name(subject: LintSubject) -> Iterator[Problem]:
     """A frame name is empty, ends in a slash or white space, or is that of another prim.
 
@@ -304,7 +304,7 @@ def _named(node: Node, subject: LintSubject) -> tuple[str, str, str] | None:
     return (package, folder, name) if package and folder and name else None
 
 
-@rule("K18", "unknown-message", scope="lint")
+@rule("K18", "unknown-message")
 def unknown_message(subject: LintSubject) -> Iterator[Problem]:
     """A generic node names an impossible message or service.
 
@@ -329,7 +329,7 @@ def unknown_message(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-@rule("K19", "service-types", scope="lint")
+@rule("K19", "service-types")
 def service_types(subject: LintSubject) -> Iterator[Problem]:
     """Nodes of one service have different types.
 

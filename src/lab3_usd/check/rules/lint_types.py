@@ -17,7 +17,7 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.model.stage import Node
 
 
-@rule("K30", "unregistered-type", scope="lint")
+@rule("K30", "unregistered-type")
 def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
     """An unregistered node type resembles a registered one, or a node has no type.
 
@@ -103,13 +103,7 @@ def _successor(node: Node, subject: LintSubject) -> tuple[str | None, str]:
     return name, f"; {platform.types[name].ui_name} does its work{notes}{values}"
 
 
-@rule(
-    "K32",
-    "unknown-type",
-    scope="lint",
-    severity="note",
-    counted=("unknown node type", "unknown node types"),
-)
+@rule("K32", "unknown-type", severity="note", counted=("unknown node type", "unknown node types"))
 def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     """A node type is unknown.
 
@@ -137,7 +131,6 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
 @rule(
     "K36",
     "other-release-ports",
-    scope="lint",
     severity="note",
     formerly="saved-by-another-release",
     counted=("sign of another release", "signs of another release"),
