@@ -69,7 +69,8 @@ def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     """
     for topic in sensor_topics(subject.stage):
         named = _named_prims(topic, subject.stage)
-        if not named or not all(_is_another(prim, topic, subject) for prim in named):
+        is_own = not named or topic.sensor in named
+        if is_own or not all(_is_another(prim, topic, subject) for prim in named):
             continue
         other = named[0]
         yield Problem(
@@ -86,7 +87,7 @@ def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
 
 def _is_another(prim: Prim, topic: SensorTopic, subject: LintSubject) -> bool:
     """Whether a prim is another sensor than that of a topic, and stands elsewhere."""
-    if prim.path == topic.sensor.path or not _is_sensor(prim, subject):
+    if not _is_sensor(prim, subject):
         return False
     frame, data = _axes(prim, subject), _axes(topic.sensor, subject)
     if frame is None or data is None:
