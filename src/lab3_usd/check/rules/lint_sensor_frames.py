@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Container, Iterator, Sequence
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import Parameter, rule
@@ -12,7 +12,7 @@ from lab3_usd.facts.render_products import Shown, has_two_sizes, stereo_products
 from lab3_usd.facts.sensor_topics import SensorTopic, frame_prims, resting_frames, sensor_topics
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.prims import Prim
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import (
     Vector,
     decompose,
@@ -34,10 +34,12 @@ _IMAGES = ("sensor_msgs/msg/Image", "sensor_msgs/msg/CompressedImage")
 _INFO, _INFO_NAME = "sensor_msgs/msg/CameraInfo", "camera_info"
 
 
-def _named_prims(topic: SensorTopic, stage: StageModel) -> list[Prim]:
-    """Return the prims whose place the frame of a topic has, none where nothing tells it."""
-    paths = frame_prims(stage).get((topic.endpoint.domain.name, topic.frame), ())
-    return [prim for path in paths if (prim := stage.prim(path)) is not None]
+@once_per_stage
+def _named(stage: StageModel, domain: str, frame: str) -> tuple[tuple[Prim, ...], frozenset[str]]:
+    """Return the prims whose place a frame has, and the bodies that they move with."""
+    paths = frame_prims(stage).get((domain, frame), ())
+    prims = tuple(prim for path in paths if (prim := stage.prim(path)) is not None)
+    return prims, frozenset(joined_bodies(stage).rigid_of(prim.path) for prim in prims)
 
 
 def _is_sensor(prim: Prim, subject: LintSubject) -> bool:
@@ -68,7 +70,7 @@ def frame_of_another_sensor(subject: LintSubject) -> Iterator[Problem]:
     Example: a lidar helper with the frame of the camera, or with that of the other lidar.
     """
     for topic in sensor_topics(subject.stage):
-        named = _named_prims(topic, subject.stage)
+        named, _ = _named(subject.stage, topic.endpoint.domain.name, topic.frame)
         is_own = not named or topic.sensor in named
         if is_own or not all(_is_another(prim, topic, subject) for prim in named):
             continue
@@ -122,10 +124,10 @@ def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
         fits = topic.reads.in_frame.items()
         if any(topic.sensor.attributes.get(name, value) != value for name, value in fits):
             continue
-        named = _named_prims(topic, subject.stage)
+        named, rigid = _named(subject.stage, topic.endpoint.domain.name, topic.frame)
         if any(_is_sensor(prim, subject) for prim in named):
             continue
-        fault = _moving(topic, named, subject) or _shifted(topic, named, subject)
+        fault = _moving(topic, named, rigid, subject) or _shifted(topic, named, subject)
         paths = (topic.sensor.path, *(prim.path for prim in named[:1]))
         if fault:
             yield Problem(
@@ -139,18 +141,20 @@ def frame_off_sensor(subject: LintSubject) -> Iterator[Problem]:
             )
 
 
-def _moving(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
+def _moving(
+    topic: SensorTopic, named: Sequence[Prim], rigid: Container[str], subject: LintSubject
+) -> str:
     """Say that a frame stands still or moves against its sensor, '' where it does not."""
     key, sensor = (topic.endpoint.domain.name, topic.frame), topic.sensor.path
     bodies = joined_bodies(subject.stage)
     if key in resting_frames(subject.stage) and not bodies.move_together(sensor, "/"):
         return f"which does not move, while {sensor} moves with {bodies.carrier(sensor)}"
-    if named and bodies.rigid_of(sensor) not in {bodies.rigid_of(prim.path) for prim in named}:
+    if named and bodies.rigid_of(sensor) not in rigid:
         return f"the frame of {named[0].path}, against which {sensor} moves"
     return ""
 
 
-def _shifted(topic: SensorTopic, named: list[Prim], subject: LintSubject) -> str:
+def _shifted(topic: SensorTopic, named: Sequence[Prim], subject: LintSubject) -> str:
     """Say that points are turned in a frame, or stand away from it, '' where they do not."""
     data = _axes(topic.sensor, subject)
     places = [place for prim in named if (place := _axes(prim, subject)) is not None]
