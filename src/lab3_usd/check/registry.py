@@ -8,6 +8,7 @@ from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
 from os.path import realpath
+from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar, get_args
 
 from msgspec import Struct
@@ -72,61 +73,20 @@ FAMILIES = {
 }
 # The families that judge what the starter brings: it excuses the faults that it has itself.
 SUPPLIED = ("S",)
-# The modules below check/rules that hold the rules of each family.
-MODULES = {
+# The modules below check/rules whose rules are about other things than stages, by family. Of the
+# others, those that begin with `lint_` are lint's alone, and those with `any_` lint's as well.
+APART = {
     "F": ("files",),
-    "G": ("graphs", "any_graph"),
-    "N": ("nodes", "scene_writers", "any_graph"),
-    "P": ("settings", "any_graph"),
-    "R": ("targets", "any_graph"),
-    "W": ("wires", "any_wire"),
-    "S": (
-        "scene",
-        "robot",
-        "link_joints",
-        "robot_joints",
-        "wheel_joints",
-        "wheel_drives",
-        "world",
-        "props",
-        "any_physics",
-        "any_stances",
-    ),
-    "L": ("lidar", "sensors", "any_sensors"),
-    "C": ("camera", "sensors"),
-    "D": ("sensors", "sensor_values"),
-    "T": ("frames", "any_frames", "frame_tree", "targets"),
-    "Q": ("any_topics", "topics"),
     "U": ("starter",),
     "M": ("maps",),
     "V": ("nav2",),
     "E": ("evidence", "evidence_topics"),
     "X": ("submission",),
     "Z": ("files",),
-    "K": (
-        "any_graph",
-        "any_wire",
-        "any_frames",
-        "any_topics",
-        "any_physics",
-        "any_sensors",
-        "lint_running",
-        "lint_inputs",
-        "lint_clocks",
-        "lint_releases",
-        "lint_types",
-        "lint_topics",
-        "lint_frames",
-        "lint_robots",
-        "lint_joints",
-        "lint_motion",
-        "lint_sensors",
-        "lint_sensor_frames",
-    ),
-    "Y": ("any_stances",),
     "B": ("scripts",),
     "UV": ("native",),
 }
+OF_LINT = ("K", "Y")  # the families that judge a stage without a lab
 
 
 TF = "TF"  # a part of a stage that is no graph and no sensor, as the scene is
@@ -213,11 +173,6 @@ class Rule(Struct, frozen=True):
         """The letters that the id begins with."""
         return family_of(self.id)
 
-    @property
-    def judges_supplied(self) -> bool:
-        """Whether the rule judges what the starter brings."""
-        return self.family in SUPPLIED
-
     def section(self, title: str) -> str:
         """Return the paragraph of the manual that opens with `title:`, as one line."""
         for paragraph in self.manual.split("\n\n"):
@@ -301,17 +256,14 @@ def rule(  # noqa: PLR0913 - decorators name them
 
 def _free_id(rule_id: str) -> str:
     """Return the id after the last one of the same letters."""
-    letters = rule_id.rstrip("0123456789")
-    numbers = [
-        int(name.removeprefix(letters)) for name in _RULES if name.rstrip("0123456789") == letters
-    ]
+    letters = family_of(rule_id)
+    numbers = [int(name.removeprefix(letters)) for name in _RULES if family_of(name) == letters]
     return f"{letters}{max(numbers) + 1:0{len(rule_id) - len(letters)}}"
 
 
 def own_rules() -> dict[str, Rule]:
     """Return the rules of one's own, in order of id."""
-    names = [name for name, registered in _RULES.items() if registered.scope == "own"]
-    return {name: _RULES[name] for name in sorted(names, key=id_order)}
+    return {name: rule for name, rule in _sorted_by_id().items() if rule.scope == "own"}
 
 
 def _sorted_by_id() -> dict[str, Rule]:
@@ -321,14 +273,6 @@ def _sorted_by_id() -> dict[str, Rule]:
 def added_by(registered: Rule) -> None:
     """Add a rule that was registered before, as a source of rules that is used again brings it."""
     _RULES[registered.id] = registered
-
-
-def without_rules(names: Iterable[str]) -> None:
-    """Forget rules."""
-    for name in names:
-        del _RULES[name]
-    _in_order.cache_clear()
-    scene_demands.cache_clear()
 
 
 def holds_without_lab(rule: Rule) -> bool:
@@ -350,7 +294,10 @@ def own_rules_removed_on_exit() -> Iterator[None]:
     try:
         yield
     finally:
-        without_rules(frozenset(own_rules()) - before)
+        for name in own_rules().keys() - before:
+            del _RULES[name]
+        _in_order.cache_clear()
+        scene_demands.cache_clear()
 
 
 def families() -> dict[str, str]:
@@ -422,8 +369,17 @@ def scene_demands() -> tuple[Demands, ...]:
 def import_rules(*families: str) -> None:
     """Import the rules of families, so that asking for them takes no time."""
     for family in families:
-        for module in MODULES[family]:
+        for module in APART.get(family) or _modules_about_stages(is_lint=family in OF_LINT):
             importlib.import_module(f"lab3_usd.check.rules.{module}")
+
+
+def _modules_about_stages(*, is_lint: bool) -> Iterator[str]:
+    """Yield the modules with rules of lint, or else with those of labs."""
+    apart = {module for modules in APART.values() for module in modules}
+    for file in Path(__file__).with_name("rules").glob("[!_]*.py"):
+        starts = ("lint_", "any_") if is_lint else ("lint_",)
+        if file.stem not in apart and file.stem.startswith(starts) == is_lint:
+            yield file.stem
 
 
 @cache

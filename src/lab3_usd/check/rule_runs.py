@@ -13,7 +13,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.manual import in_words_of
-from lab3_usd.check.registry import TF, Rule, Scope, holds_without_lab, rules_of
+from lab3_usd.check.registry import SUPPLIED, TF, Rule, Scope, holds_without_lab, rules_of
 from lab3_usd.errors import StageError
 from lab3_usd.model.changes import repair_by
 from lab3_usd.model.finding import Crash, Finding, NodeCoverage, NotJudged, Problem, Requirement
@@ -162,7 +162,7 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
         assumes=problem.assumes,
         covers=problem.covers,
         if_supplied=problem.if_supplied,
-        supplied=rule.judges_supplied,
+        supplied=rule.family in SUPPLIED,
         counted=rule.counted,
         identity=problem.identity,
         span=problem.span,
