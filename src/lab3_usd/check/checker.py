@@ -81,7 +81,7 @@ def judge(lab: Lab, checkpoint: Checkpoint, stage: StageModel) -> RuleResults:
                 run.keep(of_frames if tree is None else _of_tree(of_frames, tree.topic))
         run.findings[:] = with_unmet(fold(run.findings), whole, lab)
         requirements = [item for subject in subjects for item in graph_requirements(subject)]
-        requirements += scene_requirements(lab, checkpoint, run.findings)
+        requirements += scene_requirements(lab, checkpoint)
         requirements += frame_requirements(whole)
         requirements = with_named_faults(requirements, run.findings)
         judged_stage = JudgedStage(whole, tuple(requirements), tuple(run.findings))

@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import re
+import fnmatch
 from collections.abc import Iterator, Mapping
-from fnmatch import translate
-from functools import lru_cache
 from typing import Literal
 
 from msgspec import Struct
@@ -102,9 +100,9 @@ def _requirements(patterns: tuple[str, ...], given: ChecklistInput) -> _Verdict:
     last = given.last
     if last is None:
         return "not shown", "no stage could be read"
-    names = tuple(requirement.id for requirement in last.requirements)
+    by_id = {requirement.id: requirement for requirement in last.requirements}
     for pattern in patterns:
-        requirements = [last.requirements[number] for number in _matching(pattern, names)]
+        requirements = [by_id[name] for name in fnmatch.filter(by_id, pattern)]
         if not requirements:
             return "not met", f"checkpoint {last.checkpoint} is the last, and does not have it yet"
         missed = [requirement for requirement in requirements if not requirement.met]
@@ -112,16 +110,6 @@ def _requirements(patterns: tuple[str, ...], given: ChecklistInput) -> _Verdict:
             more = f" and {len(missed) - 1} more" if len(missed) > 1 else ""
             return "not met", f"{missed[0].group}: {missed[0].title}{more}"
     return "met", ""
-
-
-@lru_cache(maxsize=1024)
-def _matching(pattern: str, names: tuple[str, ...]) -> tuple[int, ...]:
-    """Return the numbers of the names that fit a pattern of the lab's with `*`.
-
-    The last stages of a class have the same requirements, so this is worked out once.
-    """
-    fits = re.compile(translate(pattern)).match
-    return tuple(number for number, name in enumerate(names) if fits(name))
 
 
 def _rules(rules: tuple[str, ...], given: ChecklistInput) -> Iterator[_Verdict]:

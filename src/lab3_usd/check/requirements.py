@@ -214,24 +214,10 @@ def _demands_below(
             yield path, demand
 
 
-def scene_requirements(
-    lab: Lab, checkpoint: Checkpoint, findings: Iterable[Finding]
-) -> Iterator[Requirement]:
-    """Yield what is demanded of the scene, met where no error fails it."""
-    unmet = unmet_by(findings)
-    for met in _scene_items(lab, checkpoint, scene_demands()):
-        yield replace(met, met=False) if met.id in unmet else met
-
-
-@lru_cache(maxsize=16)
-def _scene_items(
-    lab: Lab, checkpoint: Checkpoint, stated: tuple[Demands, ...]
-) -> tuple[Requirement, ...]:
-    """Return what is demanded of the scene as it is met, which is the same for every stage."""
-    return tuple(
-        Requirement(each.id, each.group, "scene", each.title, met=True, handout=each.handout)
-        for each in _in_order(lab, checkpoint, stated)
-    )
+def scene_requirements(lab: Lab, checkpoint: Checkpoint) -> Iterator[Requirement]:
+    """Yield what is demanded of the scene, as it is met."""
+    for each in demands_of(lab, checkpoint):
+        yield Requirement(each.id, each.group, "scene", each.title, met=True, handout=each.handout)
 
 
 def with_named_faults(
