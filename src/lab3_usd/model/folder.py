@@ -5,7 +5,7 @@ Submissions, maps, parameters, saved output.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Generic, Literal, TypeVar
 
@@ -231,14 +231,14 @@ class EvidenceSubject(Struct, frozen=True):
 
 
 def judge_best(
-    shown: Sequence[Observation[Fact]], judge: Callable[[Observation[Fact]], list[Problem]]
+    shown: Sequence[Observation[Fact]], judge: Callable[[Observation[Fact]], Iterable[Problem]]
 ) -> list[Problem]:
     """Judge every output of one command and return what is wrong with the best of them.
 
     A fault that a later output shows repaired is no fault; of equals the last one counts. Where a
     later one has a fault that it lacks, a note says so.
     """
-    judged = [(judge(observation), number) for number, observation in enumerate(shown)]
+    judged = [([*judge(observation)], number) for number, observation in enumerate(shown)]
     problems, best = min(reversed(judged), key=lambda each: len(each[0]), default=([], 0))
     later = [files[-1] for files, number in judged if files and number > best]
     if problems or not later:

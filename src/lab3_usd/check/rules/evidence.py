@@ -6,11 +6,13 @@ What is there, nodes, goal, software, TF tree, recordings.
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
+from functools import partial
 
 from msgspec.structs import replace
 
 from lab3_usd.check.explanations import explaining_rule
 from lab3_usd.check.registry import rule
+from lab3_usd.check.rules.evidence_topics import not_listed
 from lab3_usd.check.rules.files import shortened
 from lab3_usd.data import program
 from lab3_usd.facts.tree import SentTransform, Tree, tree_of
@@ -86,18 +88,17 @@ def lifecycle_not_active(subject: EvidenceSubject) -> Iterator[Problem]:
     wanted = subject.ros.lifecycle.state
     for node, place in subject.ros.lifecycle.nodes.items():
         if subject.asks_from(place.since):
-            handout = place.handout
-
-            def judge(
-                shown: Observation[str], node: str = node, handout: str = handout
-            ) -> list[Problem]:
-                if shown.fact == wanted:
-                    return []
-                actual = shortened(shown.fact)
-                message = f"{node} is '{actual}', expected '{wanted}'"
-                return [Problem(shown.file, message, node, wanted, actual, handout)]
-
+            judge = partial(_not_in_state, node, wanted, place.handout)
             yield from judge_best(subject.evidence.lifecycle.get(node, ()), judge)
+
+
+def _not_in_state(
+    node: str, wanted: str, handout: str, shown: Observation[str]
+) -> Iterator[Problem]:
+    if shown.fact != wanted:
+        actual = shortened(shown.fact)
+        message = f"{node} is '{actual}', expected '{wanted}'"
+        yield Problem(shown.file, message, node, wanted, actual, handout)
 
 
 @rule("E09", "node-not-running", scope="evidence", severity="warning", needs="localization")
@@ -117,15 +118,8 @@ def node_not_running(subject: EvidenceSubject) -> Iterator[Problem]:
     missing = [
         n for n, place in wanted.items() if subject.asks_from(place.since) and n not in names
     ]
-    if not (listed and missing):
-        return
-    file, handout = listed[-1].file, wanted[missing[0]].handout
-    if len(missing) == 1:
-        message = f"{missing[0]} is not in the list of nodes"
-        yield Problem(file, message, missing[0], handout=handout)
-    else:
-        message = f"{len(missing)} nodes are not in the list of nodes; was it saved early?"
-        yield Problem(file, message, expected=", ".join(missing))
+    if listed and missing:
+        yield not_listed(listed[-1].file, "nodes", missing, wanted[missing[0]].handout)
 
 
 @rule("E15", "forbidden-publisher", scope="evidence", needs="forbidden transform")
@@ -232,16 +226,17 @@ def transform_not_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     is_localized = localization is not None and subject.asks_from(localization.since)
     above = [localization.edge] if localization is not None and is_localized else []
 
-    def judge(shown: Observation[tuple[Edge, ...]]) -> list[Problem]:
+    def judge(shown: Observation[tuple[Edge, ...]]) -> Iterator[Problem]:
         if not shown.fact:
-            return [Problem(shown.file, "the TF tree is empty")]
+            yield Problem(shown.file, "the TF tree is empty")
+            return
         heard = tree_of(SentTransform(*edge) for edge in shown.fact)
         each = (
             [*_missing([*above, *tree.edges], heard, tree.deeper, shown.file)]
             for tree in subject.frames.each  # of which a file shows one
         )
-        problems = min(each, key=len)
-        return [_before_localization(subject, problem) for problem in problems]
+        for problem in min(each, key=len):
+            yield _before_localization(subject, problem)
 
     yield from judge_best(subject.evidence.view_frames.get("", ()), judge)
 
@@ -310,15 +305,13 @@ def transform_lookup_failed(subject: EvidenceSubject) -> Iterator[Problem]:
     """
     asked = [c for c in subject.ros.commands if c.to and not c.extra and subject.asks_from(c.since)]
     for command in asked:
+        outputs = subject.evidence.tf2_echo.get(command.target, ())
+        yield from judge_best(outputs, partial(_not_printed, f"{command.of} -> {command.to}"))
 
-        def judge(shown: Observation[Lookup], command: Command = command) -> list[Problem]:
-            if shown.fact.found:
-                return []
-            edge = f"{command.of} -> {command.to}"
-            message = f"no transform {edge} was printed"
-            return [Problem(shown.file, message, edge)]
 
-        yield from judge_best(subject.evidence.tf2_echo.get(command.target, ()), judge)
+def _not_printed(edge: str, shown: Observation[Lookup]) -> Iterator[Problem]:
+    if not shown.fact.found:
+        yield Problem(shown.file, f"no transform {edge} was printed", edge)
 
 
 _OF_EVIDENCE = "E"

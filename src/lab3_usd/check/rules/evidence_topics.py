@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable, Iterator, Mapping
+from functools import partial
 
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.files import is_equal, shortened
@@ -41,15 +42,11 @@ def _topics(subject: EvidenceSubject) -> list[TopicSpec]:
 def _judged(
     subject: EvidenceSubject,
     outputs: Outputs[Fact],
-    judge: Callable[[Observation[Fact], TopicSpec], Iterator[Problem]],
+    judge: Callable[[TopicSpec, Observation[Fact]], Iterator[Problem]],
 ) -> Iterator[Problem]:
     """Judge the outputs of one command for each topic of the lab."""
     for topic in _topics(subject):
-
-        def judge_one(shown: Observation[Fact], topic: TopicSpec = topic) -> list[Problem]:
-            return list(judge(shown, topic))
-
-        yield from judge_best(outputs.get(topic.name, ()), judge_one)
+        yield from judge_best(outputs.get(topic.name, ()), partial(judge, topic))
 
 
 @rule("E02", "topic-type-shown", scope="evidence")
@@ -71,7 +68,7 @@ def topic_type_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     yield from (problem for problem in listed if problem.property not in told)
 
 
-def _wrong_type(shown: Observation[tuple[str, ...]], topic: TopicSpec) -> Iterator[Problem]:
+def _wrong_type(topic: TopicSpec, shown: Observation[tuple[str, ...]]) -> Iterator[Problem]:
     if shown.fact != (topic.type,):
         actual = " and ".join(shown.fact) or "no type"
         message = f"{topic.name} has {actual}, expected {topic.type}"
@@ -94,16 +91,21 @@ def topic_not_listed(subject: EvidenceSubject) -> Iterator[Problem]:
         return
     names = {name for shown in lists for name in shown.fact}
     missing = [t for t in _topics(subject) if not t.optional and t.name not in names]
-    if len(missing) == 1:
-        (topic,) = missing
-        message = f"{topic.name} is not in the list of topics"
-        yield Problem(
-            lists[-1].file, message, topic.name, handout=topic.handout, hint=_source(topic)
-        )
-    elif missing:
-        absent = ", ".join(topic.name for topic in missing)
-        message = f"{len(missing)} topics are not in the list of topics; was it saved early?"
-        yield Problem(lists[-1].file, message, expected=absent)
+    if missing:
+        first = missing[0]
+        topics = [topic.name for topic in missing]
+        yield not_listed(lists[-1].file, "topics", topics, first.handout, _source(first))
+
+
+def not_listed(
+    file: str, what: str, names: list[str], handout: str | None, hint: str | None = None
+) -> Problem:
+    """Return what a saved list lacks; of many, it was most likely saved too early."""
+    if len(names) == 1:
+        message = f"{names[0]} is not in the list of {what}"
+        return Problem(file, message, names[0], handout=handout, hint=hint)
+    message = f"{len(names)} {what} are not in the list of {what}; was it saved early?"
+    return Problem(file, message, expected=", ".join(names))
 
 
 @rule("E04", "topic-rate", scope="evidence")
@@ -120,7 +122,7 @@ def topic_rate(subject: EvidenceSubject) -> Iterator[Problem]:
     yield from _judged(subject, subject.evidence.topic_hz, _without_rate)
 
 
-def _without_rate(shown: Observation[float], topic: TopicSpec) -> Iterator[Problem]:
+def _without_rate(topic: TopicSpec, shown: Observation[float]) -> Iterator[Problem]:
     if topic.rate is not None and not shown.fact > 0:
         message = f"{topic.name} shows no rate, expected more than zero"
         hint = _source(topic)
@@ -143,16 +145,16 @@ def message_shown(subject: EvidenceSubject) -> Iterator[Problem]:
     yield from _judged(subject, subject.evidence.topic_echo, _wrong_message)
 
 
-def _wrong_message(shown: Observation[Message], topic: TopicSpec) -> Iterator[Problem]:
+def _wrong_message(topic: TopicSpec, shown: Observation[Message]) -> Iterator[Problem]:
     if shown.fact:
-        yield from _differing(shown, topic, {**(topic.fields or {}), **topic.content})
-        yield from _hollow(shown, topic)
+        yield from _differing(topic, shown, {**(topic.fields or {}), **topic.content})
+        yield from _hollow(topic, shown)
         return
     message = f"no message of {topic.name} arrived"
     yield Problem(shown.file, message, topic.name, handout=topic.handout, hint=_source(topic))
 
 
-def _hollow(shown: Observation[Message], topic: TopicSpec) -> Iterator[Problem]:
+def _hollow(topic: TopicSpec, shown: Observation[Message]) -> Iterator[Problem]:
     """Yield a time that stands at 0, a part of a circle, and lists without a measured value.
 
     A field that was cut away shows nothing.
@@ -191,15 +193,15 @@ def map_message(subject: EvidenceSubject) -> Iterator[Problem]:
         return
     facts = subject.facts
 
-    def wrong_map(shown: Observation[Message], topic: TopicSpec) -> Iterator[Problem]:
+    def wrong_map(topic: TopicSpec, shown: Observation[Message]) -> Iterator[Problem]:
         expected = {path: getattr(facts, fact) for path, fact in (topic.map_fields or {}).items()}
-        return _differing(shown, topic, expected)
+        return _differing(topic, shown, expected)
 
     yield from _judged(subject, subject.evidence.topic_echo, wrong_map)
 
 
 def _differing(
-    shown: Observation[Message], topic: TopicSpec, expected: Mapping[str, Scalar]
+    topic: TopicSpec, shown: Observation[Message], expected: Mapping[str, Scalar]
 ) -> Iterator[Problem]:
     """Compare the fields that a message shows; one that was cut away shows nothing."""
     for path, wanted in expected.items():
@@ -226,7 +228,7 @@ def qos_durability(subject: EvidenceSubject) -> Iterator[Problem]:
 
 
 def _wrong_durability(
-    shown: Observation[tuple[ListedEndpoint, ...]], topic: TopicSpec
+    topic: TopicSpec, shown: Observation[tuple[ListedEndpoint, ...]]
 ) -> Iterator[Problem]:
     wanted = topic.durability
     for endpoint in shown.fact if wanted is not None else ():
@@ -253,14 +255,14 @@ def topic_publishers(subject: EvidenceSubject) -> Iterator[Problem]:
     yield from _judged(subject, subject.evidence.topic_hearers, _without_hearer)
 
 
-def _without_hearer(shown: Observation[int], topic: TopicSpec) -> Iterator[Problem]:
+def _without_hearer(topic: TopicSpec, shown: Observation[int]) -> Iterator[Problem]:
     if topic.subscribed and not shown.fact:
         message = f"{topic.name} has no subscription, expected that of the lab's graph"
         yield Problem(shown.file, message, topic.name, "1", "0", topic.handout, hint=_source(topic))
 
 
 def _wrong_publishers(
-    shown: Observation[tuple[ListedEndpoint, ...]], topic: TopicSpec
+    topic: TopicSpec, shown: Observation[tuple[ListedEndpoint, ...]]
 ) -> Iterator[Problem]:
     publishers = [endpoint.node for endpoint in shown.fact if endpoint.publishes]
     most = topic.publishers if topic.publishers is not None else len(publishers)
