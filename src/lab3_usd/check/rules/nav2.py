@@ -14,17 +14,20 @@ from lab3_usd.model.folder import NavigationSubject, Parameter
 from lab3_usd.spec.ros import ParameterDemand
 
 
-def parameter_problem(
+def _problem(
     subject: NavigationSubject, parameter: Parameter, message: str, expected: str
 ) -> Problem:
     """Say what is wrong with a parameter, with its line."""
-    return Problem(
-        subject.file,
-        f"line {parameter.line}: {message}",
-        parameter.site,
-        expected,
-        shortened(parameter.value),
-    )
+    actual, line = shortened(parameter.value), f"line {parameter.line}"
+    return Problem(subject.file, f"{line}: {message}", parameter.site, expected, actual)
+
+
+def _wrong_value(
+    subject: NavigationSubject, parameter: Parameter, why: str, expected: object
+) -> Problem:
+    """Say that a parameter has a wrong value; `why` ends the message."""
+    message = f"{parameter.name} is {shortened(parameter.value)}{why}"
+    return _problem(subject, parameter, message, str(expected))
 
 
 @rule("V09", "other-release-plugin", scope="navigation", formerly="plugin-of-another-release")
@@ -54,15 +57,12 @@ def other_release_plugin(subject: NavigationSubject) -> Iterator[Problem]:
         plain = _plain(value)
         name = ours.get(plain, value)
         if value != name:
-            message = f"{parameter.name} is {shortened(value)}, here it is called {name}"
-            yield parameter_problem(subject, parameter, message, expected=name)
+            yield _wrong_value(subject, parameter, f", here it is called {name}", name)
         elif plain not in ours and plain.partition("/")[0] in packages:
             likely = likely_name(plain, ours)
             hint = did_you_mean(ours[likely] if likely else None)
-            message = (
-                f"{parameter.name} is {shortened(value)}, which is not a plugin of Humble{hint}"
-            )
-            yield parameter_problem(subject, parameter, message, expected="a plugin of Humble")
+            why = f", which is not a plugin of Humble{hint}"
+            yield _wrong_value(subject, parameter, why, "a plugin of Humble")
 
 
 def _plain(plugin: str) -> str:
@@ -101,9 +101,8 @@ def parameter_type(subject: NavigationSubject) -> Iterator[Problem]:
         kind, actual = declared.get(parameter.last), parameter.kind
         if not kind or not actual or actual == kind or parameter.site in refused:
             continue
-        value = shortened(parameter.value)
-        message = f"{parameter.name} is {value} ({_words(actual)}), expected {_words(kind)}"
-        yield parameter_problem(subject, parameter, message, expected=kind)
+        why = f" ({_words(actual)}), expected {_words(kind)}"
+        yield _wrong_value(subject, parameter, why, kind)
 
 
 def _words(kind: str) -> str:
@@ -175,14 +174,10 @@ def wrong_base_frame(subject: NavigationSubject) -> Iterator[Problem]:
     """
     robot = [child for _, child in subject.frames.edges]
     for parameter in subject.parameters:
-        if parameter.last in subject.navigation.parameters.base_frame:
-            if parameter.value in robot:
-                continue
-            message = (
-                f"{parameter.name} is {shortened(parameter.value)}, but the robot has no such frame"
-            )
+        is_base = parameter.last in subject.navigation.parameters.base_frame
+        if is_base and parameter.value not in robot:
             expected = next(iter(subject.frames.deeper), "")
-            yield parameter_problem(subject, parameter, message, expected=expected)
+            yield _wrong_value(subject, parameter, ", but the robot has no such frame", expected)
 
 
 @rule("V04", "wrong-frame", scope="navigation")
@@ -200,10 +195,9 @@ def wrong_frame(subject: NavigationSubject) -> Iterator[Problem]:
     for wanted in subject.navigation.frames:
         node, name, frame = wanted.node, wanted.name, wanted.frame
         for parameter in subject.parameters:
-            if _last(parameter.node) != node or parameter.name != name or parameter.value == frame:
-                continue
-            message = f"{name} is {shortened(parameter.value)}, expected {frame}"
-            yield parameter_problem(subject, parameter, message, expected=frame)
+            is_meant = _last(parameter.node) == node and parameter.name == name
+            if is_meant and parameter.value != frame:
+                yield _wrong_value(subject, parameter, f", expected {frame}", frame)
 
 
 @rule("V05", "wrong-scan-topic", scope="navigation")
@@ -217,15 +211,12 @@ def wrong_scan_topic(subject: NavigationSubject) -> Iterator[Problem]:
     Example: `scan_topic: scan_fixed`.
     """
     navigation = subject.navigation
-    for parameter in [*_named(subject, navigation.parameters.scan), *_sources(subject)]:
+    for parameter in [*_named(subject, navigation.parameters.scan), *_laser_topics(subject)]:
         topic = _topic(parameter.value)
-        if topic == navigation.scan_topic:
-            continue
-        forbidden_text = (
-            ", which the handout forbids" if topic == navigation.wrong_scan_topic else ""
-        )
-        message = f"{parameter.name} is {shortened(parameter.value)}{forbidden_text}"
-        yield parameter_problem(subject, parameter, message, expected=navigation.scan_topic)
+        if topic != navigation.scan_topic:
+            is_forbidden = topic == navigation.wrong_scan_topic
+            why = ", which the handout forbids" if is_forbidden else ""
+            yield _wrong_value(subject, parameter, why, navigation.scan_topic)
 
 
 @rule("V06", "wrong-map-topic", scope="navigation")
@@ -242,8 +233,7 @@ def wrong_map_topic(subject: NavigationSubject) -> Iterator[Problem]:
     navigation = subject.navigation
     for parameter in _named(subject, navigation.parameters.map):
         if _topic(parameter.value) not in {navigation.map_topic, "/"}:
-            message = f"{parameter.name} is {shortened(parameter.value)}"
-            yield parameter_problem(subject, parameter, message, expected=navigation.map_topic)
+            yield _wrong_value(subject, parameter, "", navigation.map_topic)
 
 
 @rule("V07", "other-speed", scope="navigation", severity="note")
@@ -269,19 +259,11 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
         meant = (demand for demand in demands if _is_meant(parameter, demand, subject))
         if any(_unmet(parameter, demand, subject) for demand in meant):
             continue  # no speed at all
-        limit = limits.get(parameter.last)
-        if limit is not None and parameter.kind != "string" and not _close(parameter.value, limit):
-            message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {limit}"
-            yield parameter_problem(subject, parameter, message, expected=str(limit))
-        elif (
-            parameter.last in names.speeds
-            and isinstance(parameter.value, list)
-            and (
-                len(parameter.value) != len(wanted) or not all(map(_close, parameter.value, wanted))
-            )
-        ):
-            message = f"{parameter.name} is {shortened(parameter.value)}, the graph allows {wanted}"
-            yield parameter_problem(subject, parameter, message, expected=str(wanted))
+        limit, value = limits.get(parameter.last), parameter.value
+        if limit is not None and parameter.kind != "string" and not _close(value, limit):
+            yield _wrong_value(subject, parameter, f", the graph allows {limit}", limit)
+        elif parameter.last in names.speeds and not _are_close(value, wanted):
+            yield _wrong_value(subject, parameter, f", the graph allows {wanted}", wanted)
 
 
 @rule("V08", "stamped-velocity", scope="navigation", severity="warning")
@@ -298,8 +280,7 @@ def stamped_velocity(subject: NavigationSubject) -> Iterator[Problem]:
     name = subject.navigation.parameters.stamped
     for parameter in subject.parameters:
         if parameter.last == name and parameter.value is True:
-            message = f"{name} is true, expected plain Twist commands"
-            yield parameter_problem(subject, parameter, message, expected="false")
+            yield _wrong_value(subject, parameter, ", expected plain Twist commands", "false")
 
 
 @rule("V12", "plugin-without-type", scope="navigation")
@@ -329,7 +310,7 @@ def plugin_without_type(subject: NavigationSubject) -> Iterator[Problem]:
             for name in () if names in listing.known else dict.fromkeys(names):
                 if name and (node, f"{name}.plugin") not in given:
                     message = f"{parameter.name} names {name}, and {name}.plugin is not set"
-                    yield parameter_problem(subject, parameter, message, f"a block {name}")
+                    yield _problem(subject, parameter, message, f"a block {name}")
 
 
 _NOTHING = (None, "", "[]")  # a footprint that is none (costmap_2d_ros.cpp:410)
@@ -350,8 +331,7 @@ def useless_parameter(subject: NavigationSubject) -> Iterator[Problem]:
         for parameter in judged:
             expected = _unmet(parameter, demand, subject)
             if expected:
-                message = f"{parameter.name} is {shortened(parameter.value)}: {demand.effect}"
-                yield parameter_problem(subject, parameter, message, expected)
+                yield _wrong_value(subject, parameter, f": {demand.effect}", expected)
         nodes = dict.fromkeys(p.node for p in subject.parameters if _last(p.node) in demand.nodes)
         for node in nodes if demand.unset else ():
             if not any(parameter.node == node for parameter in judged):
@@ -420,34 +400,38 @@ def source_without_scan(subject: NavigationSubject) -> Iterator[Problem]:
 
     Basis: `nav2_costmap_2d/plugins/obstacle_layer.cpp`, which declares the defaults.
     """
-    navigation = subject.navigation
-    by_place = {(p.node, p.name): p for p in subject.parameters}
-    for listing in subject.parameters:
-        if listing.last != navigation.parameters.sources or not isinstance(listing.value, str):
-            continue
-        layer = listing.name.rpartition(".")[0]
+    for listing, sources in _listed_sources(subject):
         unmarked = []
-        names = listing.value.split()
-        for name in names:
-            place = f"{layer}.{name}" if layer else name
-            values = {
-                p.last: p
-                for (node, full), p in by_place.items()
-                if node == listing.node and full.rpartition(".")[0] == place
-            }
+        for place, values in sources.items():
             if not values:
+                name = place.rpartition(".")[2]
                 message = f"{listing.name} names {name}, which has no values: it sees no obstacle"
-                yield parameter_problem(subject, listing, message, f"a block {name}")
+                yield _problem(subject, listing, message, f"a block {name}")
                 continue
             marking = values.get("marking")
             unmarked += [marking] if marking is not None and marking.value is False else []
             topic = values.get("topic")
-            if topic is None or _topic(topic.value) == navigation.scan_topic:
+            if topic is None or _topic(topic.value) == subject.navigation.scan_topic:
                 yield from _of_scan(values, listing, place, subject)
-        if len(unmarked) == len(names):
+        if len(unmarked) == len(sources):
             for marking in unmarked:
-                message = f"{marking.name} is false: no obstacle is marked"
-                yield parameter_problem(subject, marking, message, "true")
+                yield _wrong_value(subject, marking, ": no obstacle is marked", "true")
+
+
+def _listed_sources(
+    subject: NavigationSubject,
+) -> Iterator[tuple[Parameter, dict[str, dict[str, Parameter]]]]:
+    """Yield the lists of sources of the costmaps' layers, and the values of each source."""
+    for listing in _named(subject, (subject.navigation.parameters.sources,)):
+        layer = listing.name.rpartition(".")[0]
+        names = listing.value.split() if isinstance(listing.value, str) else ()
+        places = (f"{layer}.{name}" if layer else name for name in names)
+        yield listing, {place: _values_at(place, listing.node, subject) for place in places}
+
+
+def _values_at(place: str, node: str, subject: NavigationSubject) -> dict[str, Parameter]:
+    own = (parameter for parameter in subject.parameters if parameter.node == node)
+    return {p.last: p for p in own if p.name.rpartition(".")[0] == place}
 
 
 def _of_scan(
@@ -457,35 +441,26 @@ def _of_scan(
     navigation = subject.navigation
     kind, height = values.get("data_type"), values.get("max_obstacle_height")
     if kind is not None and kind.value != navigation.parameters.laser:
-        message = f"{kind.name} is {shortened(kind.value)}, the topic has scans"
-        yield parameter_problem(subject, kind, message, navigation.parameters.laser)
+        yield _wrong_value(subject, kind, ", the topic has scans", navigation.parameters.laser)
     least = f"above {navigation.scan_height:g}"
     if height is None:
         message = f"{place}.max_obstacle_height is not set: 0 m, below the lidar"
-        yield parameter_problem(subject, listing, message, least)
+        yield _problem(subject, listing, message, least)
     elif any(number <= navigation.scan_height for number in _numbers(height.value)):
-        message = f"{height.name} is {shortened(height.value)}, below the lidar"
-        yield parameter_problem(subject, height, message, least)
+        yield _wrong_value(subject, height, ", below the lidar", least)
 
 
 def _named(subject: NavigationSubject, names: tuple[str, ...]) -> list[Parameter]:
     return [parameter for parameter in subject.parameters if parameter.last in names]
 
 
-def _sources(subject: NavigationSubject) -> Iterator[Parameter]:
+def _laser_topics(subject: NavigationSubject) -> Iterator[Parameter]:
     """Yield the topics of the laser sources that the layers of the costmaps list."""
-    by_place = {(p.node, p.name): p for p in subject.parameters}
-    names = subject.navigation.parameters
-    for parameter in subject.parameters:
-        if parameter.last != names.sources or not isinstance(parameter.value, str):
-            continue
-        layer = parameter.name.rpartition(".")[0]
-        for source in parameter.value.split():
-            place = f"{layer}.{source}" if layer else source
-            kind = by_place.get((parameter.node, f"{place}.data_type"))
-            topic = by_place.get((parameter.node, f"{place}.topic"))
-            if topic is not None and (kind is None or kind.value == names.laser):
-                yield topic
+    for _, sources in _listed_sources(subject):
+        for values in sources.values():
+            kind = values.get("data_type")
+            if kind is None or kind.value == subject.navigation.parameters.laser:
+                yield from (p for name, p in values.items() if name == "topic")
 
 
 def _last(node: str) -> str:
@@ -498,3 +473,10 @@ def _topic(value: object) -> str:
 
 def _close(value: object, limit: float) -> bool:
     return isinstance(value, (int, float)) and math.isclose(value, limit, rel_tol=1e-6)
+
+
+def _are_close(values: object, limits: list[float]) -> bool:
+    """Whether a list of speeds has these limits; what is no list has another finding."""
+    if not isinstance(values, list):
+        return True
+    return len(values) == len(limits) and all(map(_close, values, limits))
