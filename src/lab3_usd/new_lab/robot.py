@@ -8,7 +8,7 @@ from typing import Any
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.robot.axles import anchor_in_metres, axles
-from lab3_usd.check.robot.wheels import WheelJoint, tied_joints
+from lab3_usd.check.robot.wheels import tied_joints
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, drive_prefix
 from lab3_usd.model.physics import (
@@ -307,7 +307,7 @@ def describe_wheels(subject: RobotSubject) -> dict[str, Any]:
 
     The result is empty unless there are two, which turn about one axle.
     """
-    wheels: list[WheelJoint] = tied_joints(subject)
+    wheels = tied_joints(subject)
     places = [place for wheel in wheels if (place := anchor_in_metres(wheel, subject))]
     turns = [*axles(subject).values()]
     if not len(wheels) == len(places) == len(turns) == _PAIR or distance(*turns) > 1e-3:  # noqa: PLR2004

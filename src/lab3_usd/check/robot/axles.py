@@ -7,13 +7,11 @@ stage that was saved after a run has the robot, and all of its bodies, wherever 
 from __future__ import annotations
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
-from lab3_usd.check.robot.wheels import WheelJoint, base_side, ends_of, tied_joints, wheel_side
+from lab3_usd.check.robot.wheels import TiedJoint, tied_joints
 from lab3_usd.facts.wheels import ALONG, axis_of_joint, joint_turn
 from lab3_usd.model.physics import (
-    AXIS,
     COLLISION_API,
     FIXED,
-    USUAL_AXIS,
     bodies,
     collides,
     is_joint_type,
@@ -43,43 +41,30 @@ _FRAMES = tuple(f"physics:local{part}{side}" for part in ("Pos", "Rot") for side
 
 
 @once_per_stage
-def axles(subject: RobotSubject) -> dict[WheelJoint, Vector]:
+def axles(subject: RobotSubject) -> dict[TiedJoint, Vector]:
     """Map each wheel joint that is tied to the direction about which a positive velocity turns it.
 
-    The direction is that in the base's frame. Joints of which it is unknown are left out.
+    The direction is that in the base's frame. The base's side of the joint is asked: how far the
+    wheel has turned does not matter then. Joints of which it is unknown are left out.
     """
-    directions = ((joint, _axle(joint, subject)) for joint in tied_joints(subject))
-    return {joint: direction for joint, direction in directions if direction}
+    directions = {}
+    for joint in tied_joints(subject):
+        frame, local = _base_frame(joint, subject), axis_of_joint(joint.prim, joint.base_side)
+        if frame is not None and local is not None:
+            directions[joint] = rotate_vector(local, decompose(frame).rotation)
+    return directions
 
 
-def _axle(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
-    """Return the direction about which a positive velocity turns the wheel, in the base's frame.
-
-    The base's side of the joint is asked: how far the wheel has turned does not matter then.
-    None where a body is missing.
-    """
-    side = base_side(joint)
-    frame = None if side is None else _frame(ends_of(joint)[side], subject)
-    if side is None or frame is None or joint.prim is None:
-        return None
-    local = axis_of_joint(joint.prim, side)
-    return None if local is None else rotate_vector(local, decompose(frame).rotation)
-
-
-def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] | None:
+def own_axle(joint: TiedJoint, subject: RobotSubject) -> tuple[Vector, Vector] | None:
     """Return about what a joint turns its wheel and the axle of the wheel's own shape.
 
     Both are seen from the wheel. None where they agree, or where no cylinder tells the axle.
     """
-    side = wheel_side(joint)
-    wheel = None if side is None else subject.stage.prim(ends_of(joint)[side])
-    if joint.prim is None or wheel is None or wheel.world is None:
+    wheel = subject.stage.prim(bodies(joint.prim)[joint.wheel_side])
+    back = axis_of_joint(joint.prim, joint.wheel_side)  # about which the robot turns on the wheel
+    if back is None or wheel is None or wheel.world is None:
         return None
-    values = joint.prim.attributes
-    along = ALONG.get(values.get(AXIS, USUAL_AXIS))
-    if along is None:
-        return None
-    turned = rotate_by_quaternion(along, joint_turn(values.get(f"physics:localRot{side}")))
+    turned = scaled(back, -1.0)
     limit = subject.lab.scene.tolerance.axle_angle
     axle = None
     for shape in subject.stage.with_api(COLLISION_API):
@@ -90,29 +75,28 @@ def own_axle(joint: WheelJoint, subject: RobotSubject) -> tuple[Vector, Vector] 
         if not collides(shape) or seen is None or axis is None:
             continue
         own = rotate_vector(axis, decompose(seen).rotation)
-        if min(angle_between(own, turned), angle_between(own, scaled(turned, -1.0))) <= limit:
+        if min(angle_between(own, turned), angle_between(own, back)) <= limit:
             return None
         axle = turned, own
     return axle
 
 
-def anchor_in_metres(joint: WheelJoint, subject: RobotSubject) -> Vector | None:
+def anchor_in_metres(joint: TiedJoint, subject: RobotSubject) -> Vector | None:
     """Return where the joint sits, in the base's frame and in metres; None without a base."""
-    side = base_side(joint)
-    frame = None if side is None else _frame(ends_of(joint)[side], subject)
-    if frame is None or joint.prim is None:
+    frame = _base_frame(joint, subject)
+    if frame is None:
         return None
-    local = joint.prim.attributes.get(f"physics:localPos{side}")
+    local = joint.prim.attributes.get(f"physics:localPos{joint.base_side}")
     point = transform_point(vector(local), frame)
     return scaled(point, subject.stage.meters_per_unit)
 
 
-def _frame(end: str, subject: RobotSubject) -> Matrix | None:
-    """Return where a joint's end stands as seen from the robot's base, at rest.
+def _base_frame(joint: TiedJoint, subject: RobotSubject) -> Matrix | None:
+    """Return where the end at the robot stands as seen from the robot's base, at rest.
 
     What no fixed joint ties to the base is taken from where both stand in the file.
     """
-    placed = rest_frames(subject)
+    end, placed = bodies(joint.prim)[joint.base_side], rest_frames(subject)
     body = next((path for path in placed if is_at_or_below(end, path)), None)
     if body is None:
         return _between(end, _base(subject), subject)

@@ -13,7 +13,7 @@ from lab3_usd.facts.endpoints import names_by_node
 from lab3_usd.facts.execution_order import live_nodes, nodes_of, running_nodes
 from lab3_usd.facts.reaching_values import Nodes, effective_value
 from lab3_usd.isaac.node_types import DrivePorts
-from lab3_usd.model.changes import Restore
+from lab3_usd.model.changes import Edit, Restore
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import JointFault
 from lab3_usd.model.physics import (
@@ -60,6 +60,18 @@ class WheelJoint(Struct, frozen=True, eq=False):
         """The prim when it is a revolute joint of the scene, else None."""
         prim = self.prim
         return prim if prim is not None and prim.present and prim.type == REVOLUTE else None
+
+
+class TiedJoint(WheelJoint, frozen=True, eq=False):
+    """A wheel joint that connects its wheel to the robot: which of the bodies is the wheel."""
+
+    prim: Prim
+    wheel_side: int
+
+    @property
+    def base_side(self) -> int:
+        """Which of the two bodies is not the wheel."""
+        return 1 - self.wheel_side
 
 
 @once_per_stage
@@ -117,30 +129,13 @@ def has_no_joints(subject: RobotSubject) -> bool:
     )
 
 
-def wheel_side(joint: WheelJoint) -> int | None:
+def wheel_side(joint: Prim, wheel: str) -> int | None:
     """Return which of the two bodies is the wheel, None where neither or both are."""
-    sides = [joint.prim is not None and is_at_or_below(body, joint.link) for body in ends_of(joint)]
+    sides = [is_at_or_below(body, wheel) for body in bodies(joint)]
     return sides.index(True) if sides.count(True) == 1 else None
 
 
-def ends_of(joint: WheelJoint) -> tuple[str, str]:
-    """Return the two prims that a joint connects; '' stands for the world."""
-    return ("", "") if joint.prim is None else bodies(joint.prim)
-
-
-def base_side(joint: WheelJoint) -> int | None:
-    """Return which of the two bodies is not the wheel."""
-    side = wheel_side(joint)
-    return None if side is None else 1 - side
-
-
-def is_stated(joint: WheelJoint, subject: RobotSubject, *names: str) -> bool:
-    """Whether these properties are as the file says, and none may be in a missing asset."""
-    prim = joint.prim
-    return prim is not None and subject.stage.unknown_value(prim, *names) is None
-
-
-def wrong_ends(joint: WheelJoint, subject: RobotSubject) -> Iterator[tuple[str, str]]:
+def wrong_ends(joint: Prim, wheel: str, subject: RobotSubject) -> Iterator[tuple[str, str]]:
     """Yield the property of each body that the joint does not rightly connect, and what it is.
 
     One end is the wheel, the other a body of the robot, but not a wheel. Ends that are right are
@@ -149,11 +144,11 @@ def wrong_ends(joint: WheelJoint, subject: RobotSubject) -> Iterator[tuple[str, 
     robot = subject.robot
     wheels = [wheel.link for wheel in wheel_joints(subject)]
     plain = [path for path in robot.link_paths if path not in wheels]
-    ends, side = ends_of(joint), wheel_side(joint)
+    ends, side = bodies(joint), wheel_side(joint, wheel)
     if side is None:
         # An end at the base is right; of two that may be, Body 1 is to be the wheel.
         is_base = [any(is_at_or_below(end, link) for link in plain) for end in ends]
-        is_both = all(is_at_or_below(end, joint.link) for end in ends)
+        is_both = all(is_at_or_below(end, wheel) for end in ends)
         wrong = 0 if is_both or is_base == [False, True] else 1
         yield BODIES[wrong], ends[wrong]
         return
@@ -176,6 +171,14 @@ def _is_body(path: str, subject: RobotSubject) -> bool:
     return False
 
 
+def restored(joint: WheelJoint, name: str | None) -> tuple[Edit, ...]:
+    """Return what restores a property of a joint; the frames of one turned round are not known."""
+    is_turned_round = isinstance(joint, TiedJoint) and joint.base_side == 1
+    if name is None or (is_turned_round and name.startswith("physics:local")):
+        return ()
+    return (Restore(joint.site, name),)
+
+
 def wheel_problem(
     joint: WheelJoint, robot: RobotSpec, fault: JointFault, asked: str, handout: str = ""
 ) -> Problem:
@@ -188,25 +191,30 @@ def wheel_problem(
         fault.actual,
         handout or robot.wheels.handout,
         joint.related,
-        fix=() if fault.property is None else (Restore(joint.site, fault.property),),
+        fix=restored(joint, fault.property),
         unmet=(f"{robot.group}/{asked}/{joint.name}",),
     )
 
 
 @once_per_stage
-def turning_joints(subject: RobotSubject) -> list[WheelJoint]:
-    """Return the wheel joints that can turn; the others are S07's."""
-    return [
-        joint
+def turning_joints(subject: RobotSubject) -> dict[WheelJoint, Prim]:
+    """Return the wheel joints that can turn, and their prims; the others are S07's."""
+    return {
+        joint: joint.live
         for joint in wheel_joints(subject)
         if joint.live is not None and subject.stage.prim(joint.link) is not None
-    ]
+    }
 
 
 @once_per_stage
-def tied_joints(subject: RobotSubject) -> list[WheelJoint]:
+def tied_joints(subject: RobotSubject) -> list[TiedJoint]:
     """Return the wheel joints that connect what they should; the others are S08's."""
-    return [joint for joint in turning_joints(subject) if not any(wrong_ends(joint, subject))]
+    tied = []
+    for joint, prim in turning_joints(subject).items():
+        side = wheel_side(prim, joint.link)
+        if side is not None and not any(wrong_ends(prim, joint.link, subject)):
+            tied.append(TiedJoint(joint.name, joint.path, joint.link, prim, side))
+    return tied
 
 
 def second_commanders(subject: RobotSubject) -> Iterator[tuple[Node, str]]:

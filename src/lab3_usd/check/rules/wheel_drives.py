@@ -48,10 +48,8 @@ def joint_drive(subject: RobotSubject) -> Iterator[Problem]:
 
     Example: `drive:angular:physics:damping` 0 on `{joint}`.
     """
-    for joint in turning_joints(subject):
-        prim, robot = joint.prim, subject.robot
-        if prim is None:
-            continue
+    robot = subject.robot
+    for joint, prim in turning_joints(subject).items():
         drive, asset = read_drive(prim.type, prim.apis, prim.attributes), None
         if not drive.api:
             asset = subject.stage.unknown(prim.path)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 
 from msgspec.structs import replace
 
@@ -11,10 +11,10 @@ from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
 from lab3_usd.check.robot.axles import anchor_in_metres, axles, own_axle
 from lab3_usd.check.robot.wheels import (
+    TiedJoint,
     WheelJoint,
-    base_side,
     has_no_joints,
-    is_stated,
+    restored,
     tied_joints,
     turning_joints,
     unknown_joints,
@@ -59,12 +59,6 @@ def of_each_joint(**titles: str) -> Demands:
                     yield Demand(f"{robot.group}/{part}/{name}", f"{name} {title}", path, handout)
 
     return demands
-
-
-def _wheel_fix(joint: WheelJoint, name: str) -> tuple[Edit, ...]:
-    """Return what restores a property of a joint; the frames of one turned round are not known."""
-    is_turned_round = name.startswith("physics:local") and base_side(joint) == 1
-    return () if is_turned_round else (Restore(joint.site, name),)
 
 
 _TURNS_A_WHEEL = of_each_joint(joint="turns a wheel")
@@ -186,9 +180,10 @@ def joint_bodies(subject: RobotSubject) -> Iterator[Problem]:
     """
     lab = subject.lab
     section = lab.handout.behind("S08", subject.robot.wheels.handout)
-    for joint in turning_joints(subject):
-        for name, actual in wrong_ends(joint, subject):
-            is_wheel = base_side(joint) is None and not is_at_or_below(actual, joint.link)
+    for joint, prim in turning_joints(subject).items():
+        for name, actual in wrong_ends(prim, joint.link, subject):
+            is_loose = wheel_side(prim, joint.link) is None
+            is_wheel = is_loose and not is_at_or_below(actual, joint.link)
             expected = joint.link if is_wheel else "a link of the robot other than a wheel"
             message = f"{name} is {actual or 'the world'}, expected {expected}"
             fault = JointFault(message, name, expected, actual or "no prim")
@@ -266,7 +261,7 @@ def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
     places = {
         joint: place
         for joint in tied_joints(subject)
-        if is_stated(joint, subject, f"physics:localPos{base_side(joint)}")
+        if not subject.stage.unknown_value(joint.prim, f"physics:localPos{joint.base_side}")
         and (place := anchor_in_metres(joint, subject))
     }
     if len(places) != len(wheels.joints) or len(places) != _PAIR:
@@ -285,18 +280,12 @@ def wheel_distance(subject: RobotSubject) -> Iterator[Problem]:
     joint = first if is_first else second
     expected, actual = f"{wheels.distance:g} m", f"{apart:g} m"
     message = f"the wheel joints are {actual} apart, expected {expected}"
-    fault = JointFault(message, f"physics:localPos{base_side(joint)}", expected, actual)
-    yield _misplaced(joint, subject.robot, fault)
-
-
-def _misplaced(joint: WheelJoint, robot: RobotSpec, fault: JointFault) -> Problem:
-    """Return that a joint does not sit at its place."""
-    problem = wheel_problem(joint, robot, fault, "place")
-    return replace(problem, fix=_wheel_fix(joint, fault.property or ""))
+    fault = JointFault(message, f"physics:localPos{joint.base_side}", expected, actual)
+    yield wheel_problem(joint, subject.robot, fault, "place")
 
 
 def _off_centre(
-    places: Mapping[WheelJoint, Vector], robot: RobotSpec, limit: float
+    places: Mapping[TiedJoint, Vector], robot: RobotSpec, limit: float
 ) -> Iterator[Problem]:
     """Say that the middle between the wheels is not where the robot is to turn."""
     wheels = robot.wheels
@@ -304,17 +293,18 @@ def _off_centre(
     off = math.dist(middle, wheels.centre)
     if off > limit:
         joint, other = places
-        name, beside = (f"physics:localPos{base_side(each)}" for each in (joint, other))
+        name, beside = (f"physics:localPos{each.base_side}" for each in (joint, other))
         text = f"the middle between the wheel joints is {off:.3g} m beside the robot's centre"
-        problem = _misplaced(joint, robot, JointFault(text, name, "0 m", f"{off:.3g} m"))
+        fault = JointFault(text, name, "0 m", f"{off:.3g} m")
+        problem = wheel_problem(joint, robot, fault, "place")
         yield replace(
             problem,
             related=(*joint.related, f"{other.site}.{beside}"),
-            fix=(*problem.fix, *_wheel_fix(other, beside)),
+            fix=(*problem.fix, *restored(other, beside)),
         )
 
 
-def _exchanged(places: Mapping[WheelJoint, Vector], robot: RobotSpec) -> Iterator[Problem]:
+def _exchanged(places: Mapping[TiedJoint, Vector], robot: RobotSpec) -> Iterator[Problem]:
     """Say that the left wheel is on the right: a wheel rolls forward about what points left."""
     wheels = robot.wheels
     left = next((joint for joint in places if joint.name == wheels.left), None)
@@ -323,9 +313,10 @@ def _exchanged(places: Mapping[WheelJoint, Vector], robot: RobotSpec) -> Iterato
     (right,) = places.keys() - {left}
     if dot(wheels.axle, places[left]) >= dot(wheels.axle, places[right]):
         return
-    name, on_right = (f"physics:localPos{base_side(joint)}" for joint in (left, right))
+    name, on_right = (f"physics:localPos{joint.base_side}" for joint in (left, right))
     text = f"{left.name} is on the right of {right.name}: the wheels are exchanged"
-    problem = _misplaced(left, robot, JointFault(text, name, "on the left", "on the right"))
+    fault = JointFault(text, name, "on the left", "on the right")
+    problem = wheel_problem(left, robot, fault, "place")
     yield replace(
         problem,
         related=(*left.related, f"{right.site}.{on_right}"),
@@ -360,27 +351,24 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
     back = scaled(wanted, -1.0)
     section = subject.lab.handout.behind("S09", subject.robot.wheels.handout)
     for joint, direction in wrong.items():
-        if not is_stated(joint, subject, AXIS, f"physics:localRot{base_side(joint)}"):
+        rotation = f"physics:localRot{joint.base_side}"
+        if subject.stage.unknown_value(joint.prim, AXIS, rotation):
             continue
-        name = _cause(joint, list(directions))
+        name = _cause(joint, directions)
         expected, actual = vector_text(wanted), vector_text(direction)
         turn_text = f"about {actual} of the robot, expected {expected}"
         if angle_between(direction, back) <= limit:
             turn_text = "backward: its axis is inverted"
         fault = JointFault(f"{joint.name} turns its wheel {turn_text}", name, expected, actual)
-        problem = wheel_problem(joint, subject.robot, fault, "axis", section)
-        yield replace(problem, fix=_wheel_fix(joint, name))
+        yield wheel_problem(joint, subject.robot, fault, "axis", section)
     for joint in (joint for joint in directions if joint not in wrong):
         yield from _lying_wheel(joint, subject, section)
 
 
-def _lying_wheel(joint: WheelJoint, subject: RobotSubject, section: str) -> Iterator[Problem]:
+def _lying_wheel(joint: TiedJoint, subject: RobotSubject, section: str) -> Iterator[Problem]:
     """Say that a joint turns its wheel about another axis than that of its own cylinder."""
-    side, seen = wheel_side(joint), own_axle(joint, subject)
-    if side is None or seen is None:
-        return
-    name = f"physics:localRot{side}"
-    if not is_stated(joint, subject, AXIS, name):
+    seen, name = own_axle(joint, subject), f"physics:localRot{joint.wheel_side}"
+    if seen is None or subject.stage.unknown_value(joint.prim, AXIS, name):
         return
     actual, expected = map(vector_text, seen)
     text = f"{joint.name} turns its wheel about {actual} of the wheel, whose axle is {expected}"
@@ -388,11 +376,8 @@ def _lying_wheel(joint: WheelJoint, subject: RobotSubject, section: str) -> Iter
     yield wheel_problem(joint, subject.robot, fault, "axis", section)
 
 
-def _cause(joint: WheelJoint, candidates: list[WheelJoint]) -> str:
+def _cause(joint: TiedJoint, candidates: Collection[TiedJoint]) -> str:
     """Name the axis, or the rotation where all wheel joints have the same axis."""
-    axes = {
-        None if other.prim is None else other.prim.attributes.get(AXIS, "X") for other in candidates
-    }
-    side = base_side(joint)
-    is_rotation = len(axes) == 1 and len(candidates) > 1 and side is not None
-    return f"physics:localRot{side}" if is_rotation else AXIS
+    axes = {other.prim.attributes.get(AXIS, "X") for other in candidates}
+    is_rotation = len(axes) == 1 and len(candidates) > 1
+    return f"physics:localRot{joint.base_side}" if is_rotation else AXIS
