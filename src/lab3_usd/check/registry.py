@@ -275,6 +275,14 @@ def added_by(registered: Rule) -> None:
     _RULES[registered.id] = registered
 
 
+def without_rules(names: Iterable[str]) -> None:
+    """Forget rules."""
+    for name in names:
+        del _RULES[name]
+    _in_order.cache_clear()
+    scene_demands.cache_clear()
+
+
 def holds_without_lab(rule: Rule) -> bool:
     """Whether a rule of labs is one of lint as well, written without a lab in mind."""
     return rule.scope != "lint" and rule.check in _OF_LINT
@@ -294,10 +302,7 @@ def own_rules_removed_on_exit() -> Iterator[None]:
     try:
         yield
     finally:
-        for name in own_rules().keys() - before:
-            del _RULES[name]
-        _in_order.cache_clear()
-        scene_demands.cache_clear()
+        without_rules(own_rules().keys() - before)
 
 
 def families() -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
 from lab3_usd.facts.likely_names import likely_port
@@ -24,8 +25,8 @@ from lab3_usd.model.changes import (
     Retarget,
     SetValue,
 )
-from lab3_usd.model.finding import Severity
-from lab3_usd.model.stage import GraphModel, Node, StageModel
+from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset
 
 TYPE, VERSION = "node:type", "node:typeVersion"
 
@@ -46,6 +47,23 @@ def restoration(path: str, stage: StageModel) -> Edit:
     """Return what brings back an absent prim: one that is only deactivated is activated."""
     prim = stage.prims.get(path)
     return Restore(path) if prim is None or prim.active else Activate(path)
+
+
+def restorable(
+    problem: Problem,
+    handout: str,
+    *unmet: str,
+    related: tuple[str, ...] = (),
+    rests_on: UnresolvedAsset | None = None,
+) -> Problem:
+    """Return a problem of a property with what asks for that, and the property restored.
+
+    `unmet` are the requirements that it fails.
+    """
+    fix = problem.fix or (Restore(problem.prim, problem.property),)
+    return replace(
+        problem, handout=handout, unmet=unmet, related=related, rests_on=rests_on, fix=fix
+    )
 
 
 def is_compound(node: Node, stage: StageModel) -> bool:

@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator, Mapping
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.poses import PoseError
 from lab3_usd.check.robot.sensors import CAMERA, View, camera_misfits
 from lab3_usd.check.rules.sensors import (
@@ -26,7 +27,6 @@ from lab3_usd.check.rules.sensors import (
     wrong_attributes,
     wrong_type_sensors,
 )
-from lab3_usd.model.changes import Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.stage import once_per_stage, same_value
 from lab3_usd.spec.scene import Plain, SensorSpec
@@ -119,18 +119,10 @@ def camera_view(subject: StageSubject) -> Iterator[Problem]:
         if isinstance(wrong, PoseError) and wrong.kind == "rotate":
             yield pose_problem(camera, wrong)
         if isinstance(wrong, View):
-            yield Problem(
-                camera.prim.path,
-                wrong.message,
-                wrong.property,
-                wrong.expected,
-                wrong.actual,
-                camera.spec.pose.handout,
-                camera.place.related,
-                hint=wrong.hint,
-                fix=(Restore(camera.prim.path, wrong.property),),
-                unmet=(f"{camera.group}/{ROTATION}",),
-            )
+            site, name, hint = camera.prim.path, wrong.property, wrong.hint
+            problem = Problem(site, wrong.message, name, wrong.expected, wrong.actual, hint=hint)
+            unmet, related = f"{camera.group}/{ROTATION}", camera.place.related
+            yield restorable(problem, camera.spec.pose.handout, unmet, related=related)
 
 
 @rule("C06", "camera-lens", scope="stage", demands=sensor_demands(CAMERA, sensor_values))
@@ -176,19 +168,10 @@ def _left_alone(subject: StageSubject, camera: PresentSensor) -> Iterator[Proble
                 f"{name} is not set, expected {expected}; {spec.rate_api} has the default 0, "
                 "an image for every rendered frame"
             )
-            yield Problem(
-                prim.path,
-                message,
-                name,
-                expected,
-                display(None),
-                entry.handout,
-                camera.place.related,
-                severity="warning",
-                fix=(Restore(prim.path, name),),
-                unmet=(attribute_demand(camera.group, name),),
-                rests_on=subject.stage.unknown(prim.path),
-            )
+            asset = subject.stage.unknown(prim.path)
+            problem = Problem(prim.path, message, name, expected, display(None), severity="warning")
+            unmet, related = attribute_demand(camera.group, name), camera.place.related
+            yield restorable(problem, entry.handout, unmet, related=related, rests_on=asset)
 
 
 def _attributes(subject: StageSubject, is_asked: Callable[[bool | str], bool]) -> Iterator[Problem]:
@@ -249,13 +232,7 @@ def _away_from_default(
             actual = prim.attributes.get(name)
             if actual is not None and not same_value(actual, default):
                 actual_text, expected = display(actual), display(default)
-                yield Problem(
-                    prim.path,
-                    f"{name} is {actual_text}, the default is {expected}",
-                    name,
-                    expected,
-                    actual_text,
-                    camera.spec.default_handout or camera.spec.handout,
-                    camera.place.related,
-                    fix=(Restore(prim.path, name),),
-                )
+                message = f"{name} is {actual_text}, the default is {expected}"
+                problem = Problem(prim.path, message, name, expected, actual_text)
+                handout = camera.spec.default_handout or camera.spec.handout
+                yield restorable(problem, handout, related=camera.place.related)

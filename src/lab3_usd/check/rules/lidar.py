@@ -12,6 +12,7 @@ from msgspec.structs import replace
 from lab3_usd.check.lab_topics import once_there
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.poses import units_of
 from lab3_usd.check.robot.sensors import LIDAR, second_lidars, sensor_group
 from lab3_usd.check.robot.surroundings import blind_range, place_of
@@ -120,18 +121,11 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
         for name, entry in sensor.spec.required.items():
             if not same_value(values.get(name), entry.value):
                 expected, actual_text = display(entry.value), display(prim.attributes.get(name))
-                yield Problem(
-                    prim.path,
-                    f"{name} is {actual_text}, expected {expected}",
-                    name,
-                    expected,
-                    actual_text,
-                    entry.handout,
-                    sensor.place.related,
-                    fix=(Restore(prim.path, name),),
-                    unmet=(attribute_demand(sensor.group, name),),
-                    rests_on=subject.stage.unknown_value(prim, name),
-                )
+                message = f"{name} is {actual_text}, expected {expected}"
+                problem = Problem(prim.path, message, name, expected, actual_text)
+                unmet, related = attribute_demand(sensor.group, name), sensor.place.related
+                asset = subject.stage.unknown_value(prim, name)
+                yield restorable(problem, entry.handout, unmet, related=related, rests_on=asset)
 
 
 def _scan(spec: SensorSpec, group: str) -> Iterator[Demand]:
@@ -212,18 +206,9 @@ def _scanning(subject: StageSubject) -> Iterator[tuple[PresentSensor, ScanSpec]]
 
 def _problem(lidar: PresentSensor, scan: ScanSpec, fault: _Fault) -> Problem:
     name, message, expected = fault
-    path, actual = lidar.prim.path, display(lidar.prim.attributes.get(name))
-    return Problem(
-        path,
-        message,
-        name,
-        expected,
-        actual,
-        scan.handout,
-        lidar.place.related,
-        fix=(Restore(path, name),),
-        unmet=(f"{lidar.group}/schema",),
-    )
+    actual = display(lidar.prim.attributes.get(name))
+    problem = Problem(lidar.prim.path, message, name, expected, actual)
+    return restorable(problem, scan.handout, f"{lidar.group}/schema", related=lidar.place.related)
 
 
 @rule("L09", "no-scan", scope="stage")

@@ -4,8 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.axles import rest_frames, welds
 from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.wheels import has_no_joints, unknown_joints, wheel_joints
@@ -115,18 +118,11 @@ def _cut_off(subject: RobotSubject) -> Iterator[Problem]:
         if joint.type != FIXED and any(_is_on_robot(end, subject) for end in bodies(joint)):
             behind.setdefault(excluded.path, []).append(joint.name)
     for path, names in behind.items():
-        yield Problem(
-            path,
-            f"is excluded from the articulation, which ends here and lacks {', '.join(names)}",
-            EXCLUDED,
-            "False",
-            "True",
-            spec.handout,
-            related=(spec.target,),
-            fix=(Restore(path, EXCLUDED),),
-            unmet=(_articulated(subject.robot),),
-            assumes=((path, EXCLUDED),),
-        )
+        lost = f"is excluded from the articulation, which ends here and lacks {', '.join(names)}"
+        site = (path, EXCLUDED)
+        problem = Problem(path, lost, EXCLUDED, "False", "True", assumes=(site,))
+        unmet = _articulated(subject.robot)
+        yield restorable(problem, spec.handout, unmet, related=(spec.target,))
 
 
 def joined_links(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -181,22 +177,10 @@ def loose_link(subject: RobotSubject) -> Iterator[Problem]:
         path = robot.path_of(name)
         if path in present and name not in turned and groups[path] not in judged:
             judged.append(groups[path])
-            message, hint = f"no joint connects {name} to {robot.base_frame}", None
+            message = f"no joint connects {name} to {robot.base_frame}"
             off = _switched_off(subject, path)
-            if off:
-                message += f": {off[0]} is disabled"
-                hint = f"select {off[0]} and set Joint Enabled in the Property panel"
-            yield Problem(
-                path,
-                message,
-                expected=base,
-                handout=link.handout,
-                related=off,
-                hint=hint,
-                fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off) or (Restore(path),),
-                unmet=(joined(robot, name),),
-                covers=tuple((joint, JOINT_ENABLED) for joint in off),
-            )
+            problem = Problem(path, message, expected=base, fix=() if off else (Restore(path),))
+            yield _untied(problem, off, link.handout, joined(robot, name))
         elif (
             path in present
             and (link.held or link.offset is not None)
@@ -211,21 +195,24 @@ def _not_bolted(subject: RobotSubject, base: str, handout: str) -> Problem:
     off = _switched_off(subject, base)
     off = tuple(joint for joint in off if not all(bodies(subject.stage.prims[joint])))
     name = subject.robot.base_frame
-    message, hint = f"no joint fixes {name} to the world: the robot falls over at Play", None
-    if off:
-        message += f"; {off[0]} is disabled"
-        hint = f"select {off[0]} and set Joint Enabled in the Property panel"
-    return Problem(
-        base,
-        message,
-        expected="a fixed joint between it and the world",
-        handout=handout,
+    message = f"no joint fixes {name} to the world: the robot falls over at Play"
+    expected, asset = "a fixed joint between it and the world", unknown_joints(subject)
+    problem = Problem(base, message, expected=expected, rests_on=asset)
+    return _untied(problem, off, handout, joined(subject.robot, name))
+
+
+def _untied(problem: Problem, off: tuple[str, ...], handout: str, unmet: str) -> Problem:
+    """Return that no joint ties a link, with the joints that would and are switched off."""
+    problem = replace(problem, handout=handout, unmet=(unmet,))
+    if not off:
+        return problem
+    return replace(
+        problem,
+        message=f"{problem.message}; {off[0]} is disabled",
         related=off,
-        hint=hint,
+        hint=f"select {off[0]} and set Joint Enabled in the Property panel",
         fix=tuple(Restore(joint, JOINT_ENABLED) for joint in off),
-        unmet=(joined(subject.robot, name),),
         covers=tuple((joint, JOINT_ENABLED) for joint in off),
-        rests_on=unknown_joints(subject),
     )
 
 
@@ -251,17 +238,10 @@ def _tilted(subject: RobotSubject, link: str, handout: str) -> Iterator[Problem]
         tilt = _tilt(rest[link])
         if tilt > tolerance >= _tilt(rest[other]):
             name = f"physics:localRot{ends.index(link)}"
-            yield Problem(
-                joint.path,
-                f"{joint.name} holds {link} tilted by {tilt:.3g} degrees",
-                name,
-                "upright",
-                f"{tilt:.3g} degrees",
-                handout,
-                related=(link,),
-                fix=(Restore(joint.path, name),),
-                unmet=(joined(subject.robot, subject.robot.link_at(link)),),
-            )
+            message, degrees = f"{joint.name} holds {link} tilted by", f"{tilt:.3g} degrees"
+            problem = Problem(joint.path, f"{message} {degrees}", name, "upright", degrees)
+            unmet = joined(subject.robot, subject.robot.link_at(link))
+            yield restorable(problem, handout, unmet, related=(link,))
             return
 
 
@@ -282,17 +262,11 @@ def _movable(subject: RobotSubject, link: str, handout: str) -> Iterator[Problem
     for joint in joints(subject.stage) if link not in rest else ():
         is_first = link in bodies(joint) and any(end in rest for end in bodies(joint))
         if is_first and not _may_hold(joint):
-            yield Problem(
-                joint.path,
-                f"{joint.name} lets {link} move on the robot: it is a {joint.type}",
-                expected=FIXED,
-                actual=joint.type,
-                handout=handout,
-                related=(link,),
-                fix=(Restore(joint.path),),
-                unmet=(joined(subject.robot, subject.robot.link_at(link)),),
-                rests_on=subject.stage.unknown(joint.path),
-            )
+            message = f"{joint.name} lets {link} move on the robot: it is a {joint.type}"
+            problem = Problem(joint.path, message, None, FIXED, joint.type)
+            unmet = joined(subject.robot, subject.robot.link_at(link))
+            asset = subject.stage.unknown(joint.path)
+            yield restorable(problem, handout, unmet, related=(link,), rests_on=asset)
 
 
 @rule("S21", "held-by-the-world", scope="robot", needs="wheels")

@@ -5,10 +5,9 @@ from __future__ import annotations
 import math
 from collections.abc import Iterator
 
-from msgspec.structs import replace
-
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.poses import UNSCALED, is_scaled, pose_property, scale_on_parent, untyped
 from lab3_usd.check.robot.wheels import unknown_joints
 from lab3_usd.check.rules.any_physics import link_bodies
@@ -47,15 +46,6 @@ def _asked(subject: RobotSubject, what: str, link: Prim) -> str:
     return f"{subject.robot.group}/{what}/{subject.robot.link_at(link.path)}"
 
 
-def _link_problem(
-    subject: RobotSubject, link: Prim, what: str, fault: tuple[str, str, str, str], handout: str
-) -> Problem:
-    """Return the problem of a link; `fault` is a message, a property, expected and actual value."""
-    message, name, expected, actual = fault
-    fix, unmet = (Restore(link.path, name),), (_asked(subject, what, link),)
-    return Problem(link.path, message, name, expected, actual, handout, fix=fix, unmet=unmet)
-
-
 def _links(subject: RobotSubject) -> Iterator[tuple[Prim, LinkSpec]]:
     """Yield the links that are in the scene; those that are not are S01's.
 
@@ -90,15 +80,14 @@ def link_mass(subject: RobotSubject) -> Iterator[Problem]:
         has_api = MASS_API in prim.apis or asset is not None
         if actual is not None and has_api and same_numbers([actual], [expected], margin):
             continue
-        actual_text = "not set" if actual is None else f"{actual:g} kg"
-        expected_text = f"{expected:g} kg"
-        fault = f"mass is {actual_text}, expected {expected_text}", MASS, expected_text, actual_text
+        shown, wanted = "not set" if actual is None else f"{actual:g} kg", f"{expected:g} kg"
+        problem = Problem(prim.path, f"mass is {shown}, expected {wanted}", MASS, wanted, shown)
         if actual is not None and not has_api:
-            fault = f"mass has no effect: {MASS_API} was removed", MASS, MASS_API, actual_text
-        problem = _link_problem(subject, prim, "mass", fault, spec.handout)
-        if fault[2] == MASS_API:
-            problem = replace(problem, fix=(ApplySchema(prim.path, MASS_API),))
-        yield replace(problem, rests_on=asset if actual is None else None)
+            message = f"mass has no effect: {MASS_API} was removed"
+            fix = ApplySchema(prim.path, MASS_API)
+            problem = Problem(prim.path, message, MASS, MASS_API, shown, fix=(fix,))
+        unmet, asset = _asked(subject, "mass", prim), asset if actual is None else None
+        yield restorable(problem, spec.handout, unmet, rests_on=asset)
 
 
 @rule("S05", "rigid-body", scope="robot", demands=link_bodies)
@@ -117,7 +106,7 @@ def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
     """
     handout = subject.robot.handout
     for prim, _ in _links(subject):
-        path, still, unmet = prim.path, still_by(prim.attributes), (_asked(subject, "body", prim),)
+        path, still, unmet = prim.path, still_by(prim.attributes), _asked(subject, "body", prim)
         if BODY_API in prim.apis and prim.placeless:
             yield Problem(
                 path,
@@ -126,25 +115,18 @@ def rigid_body(subject: RobotSubject) -> Iterator[Problem]:
                 actual=prim.type or "no type",
                 handout=handout,
                 hint=f"write {prim.name} with the type Xform (def Xform)",
-                unmet=unmet,
+                unmet=(unmet,),
             )
         elif BODY_API not in prim.apis:
-            yield Problem(
-                path,
-                f"{prim.name} is not a rigid body",
-                BODY_ENABLED,
-                BODY_API,
-                handout=handout,
-                fix=(ApplySchema(path, BODY_API),),
-                unmet=unmet,
-                rests_on=subject.stage.unknown(path),
-            )
+            message, fix = f"{prim.name} is not a rigid body", (ApplySchema(path, BODY_API),)
+            problem = Problem(path, message, BODY_ENABLED, BODY_API, fix=fix)
+            yield restorable(problem, handout, unmet, rests_on=subject.stage.unknown(path))
         elif still == BODY_ENABLED:
-            fault = f"{prim.name}'s rigid body is disabled", still, "True", "False"
-            yield _link_problem(subject, prim, "body", fault, handout)
+            message = f"{prim.name}'s rigid body is disabled"
+            yield restorable(Problem(path, message, still, "True", "False"), handout, unmet)
         elif still:
-            fault = f"{prim.name} is kinematic: nothing moves it", still, "False", "True"
-            yield _link_problem(subject, prim, "body", fault, handout)
+            message = f"{prim.name} is kinematic: nothing moves it"
+            yield restorable(Problem(path, message, still, "False", "True"), handout, unmet)
     root = subject.stage.prim(subject.robot.path)
     if root is not None and _falls_alone(root, subject):
         yield Problem(
@@ -275,5 +257,5 @@ def link_scale(subject: RobotSubject) -> Iterator[Problem]:
         if is_scaled(prim, tolerance):
             actual, expected = vector_text(scale_on_parent(prim)), vector_text(UNSCALED)
             message = f"{prim.name}'s scale is {actual}, expected {expected}"
-            fault = message, pose_property(prim, "scale"), expected, actual
-            yield _link_problem(subject, prim, "body", fault, handout)
+            problem = Problem(prim.path, message, pose_property(prim, "scale"), expected, actual)
+            yield restorable(problem, handout, _asked(subject, "body", prim))

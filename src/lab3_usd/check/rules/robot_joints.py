@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.poses import Units, units_of
 from lab3_usd.check.robot.wheels import find_joint, has_no_joints, link_of, unknown_joints
 from lab3_usd.facts.quantities import wheel_commands
@@ -144,19 +145,11 @@ def _wrong_values(
         *(("limits", fault) for fault in _limits(prim, name, spec, subject)),
         *(("drive", fault) for fault in _drive(prim, name, spec, subject)),
     ):
-        key = fault.property
-        has_no_drive = fault.expected == _api(spec)
-        yield Problem(
-            prim.path,
-            fault.text,
-            key,
-            fault.expected,
-            fault.actual,
-            spec.handout,
-            fix=(ApplySchema(prim.path, _api(spec)) if has_no_drive else Restore(prim.path, key),),
-            unmet=(f"{group}/{part}/{name}",),
-            rests_on=stage.unknown_value(prim, key) if key else stage.unknown(prim.path),
-        )
+        key, has_no_drive = fault.property, fault.expected == _api(spec)
+        fix = (ApplySchema(prim.path, _api(spec)),) if has_no_drive else ()
+        problem = Problem(prim.path, fault.text, key, fault.expected, fault.actual, fix=fix)
+        asset = stage.unknown_value(prim, key) if key else stage.unknown(prim.path)
+        yield restorable(problem, spec.handout, f"{group}/{part}/{name}", rests_on=asset)
 
 
 def _ties(prim: Prim, name: str, spec: JointSpec, robot: RobotSpec) -> Iterator[JointFault]:

@@ -5,10 +5,11 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.check.repairs import restoration
+from lab3_usd.check.repairs import restorable, restoration
 from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
 from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.location import demanded_prims, same_named_prims
@@ -157,18 +158,11 @@ def stage_units(subject: StageSubject) -> Iterator[Problem]:
         for name, (unit, right) in units.items()
         if not same_numbers([unit], [right], margin)
     ]
+    teller = "tell your instructor; the starter needs other units or another up axis"
     for name, actual, expected in wrong:
-        yield Problem(
-            "/",
-            f"{name} is {actual}, expected {expected}",
-            name,
-            expected,
-            actual,
-            wanted.handout,
-            fix=(Restore("/", name),),
-            unmet=(f"Scene/stage/{name}",),
-            if_supplied="tell your instructor; the starter needs other units or another up axis",
-        )
+        message = f"{name} is {actual}, expected {expected}"
+        problem = Problem("/", message, name, expected, actual, if_supplied=teller)
+        yield restorable(problem, wanted.handout, f"Scene/stage/{name}")
 
 
 def _robot_pose(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:
@@ -246,34 +240,20 @@ def link_place(subject: RobotSubject) -> Iterator[Problem]:
         if prim is None or expected is None:
             continue
         for place in _link_places(subject, prim):
+            site, asset = place.prim, place.unknown
+            related = () if site == prim.path else (prim.path,)
             if not is_near(place.at, expected, scene.tolerance.link_position, units):
-                at_text, offset_text = vector_text(place.at), vector_text(units.shown(expected))
-                yield Problem(
-                    place.prim,
-                    f"{name} {place.how} at {at_text} on the robot, expected {offset_text}",
-                    place.property,
-                    offset_text,
-                    at_text,
-                    link.handout,
-                    related=() if place.prim == prim.path else (prim.path,),
-                    hint=f"{place.hint} {offset_text}",
-                    fix=(Restore(place.prim, place.property),),
-                    unmet=(f"{robot.group}/{place.demand}/{name}",),
-                    rests_on=place.unknown,
-                )
+                at, asked = vector_text(place.at), vector_text(units.shown(expected))
+                message = f"{name} {place.how} at {at} on the robot, expected {asked}"
+                hint, unmet = f"{place.hint} {asked}", f"{robot.group}/{place.demand}/{name}"
+                problem = Problem(site, message, place.property, asked, at, hint=hint)
+                yield restorable(problem, link.handout, unmet, related=related, rests_on=asset)
             elif place.turn > scene.tolerance.axle_angle:
-                yield Problem(
-                    place.prim,
-                    f"{name} {place.how} turned by {place.turn:.3g} degrees, expected 0",
-                    place.turned_by,
-                    "0 degrees",
-                    f"{place.turn:.3g} degrees",
-                    link.handout,
-                    severity="warning",
-                    related=() if place.prim == prim.path else (prim.path,),
-                    fix=(Restore(place.prim, place.turned_by),),
-                    rests_on=place.unknown,
-                )
+                turn = f"{place.turn:.3g} degrees"
+                message = f"{name} {place.how} turned by {turn}, expected 0"
+                problem = Problem(site, message, place.turned_by, "0 degrees", turn)
+                problem = restorable(problem, link.handout, related=related, rests_on=asset)
+                yield replace(problem, severity="warning")
 
 
 class _LinkPlace(Struct, frozen=True):

@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, Demands, rule
-from lab3_usd.check.repairs import restoration
+from lab3_usd.check.repairs import restorable, restoration
 from lab3_usd.check.robot.location import demanded_prims
 from lab3_usd.check.robot.poses import (
     OPERATIONS,
@@ -196,34 +196,23 @@ def left_behind_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
     for sensor in present_sensors(subject, kind):
         prim = sensor.prim
         if resets_xform_stack(prim):
-            yield Problem(
-                prim.path,
-                f"{prim.name} has {RESET} in {ORDER}: "
-                "it ignores its link and does not move with the robot",
-                ORDER,
-                actual=RESET,
-                handout=sensor.spec.pose.handout,
-                related=sensor.place.related,
-                hint=f"take {RESET} out of {ORDER}, then set the place relative to the link",
-                fix=(Restore(prim.path, ORDER),),
-                unmet=(f"{sensor.group}/{POSITION}",),
-            )
+            message = f"{prim.name} has {RESET} in {ORDER}: it ignores its link and does not move"
+            message += " with the robot"
+            hint = f"take {RESET} out of {ORDER}, then set the place relative to the link"
+            problem = Problem(prim.path, message, ORDER, actual=RESET, hint=hint)
         elif (
             BODY_API in prim.apis
             and not is_switched_off(prim, BODY_ENABLED)
             and not any(prim.path in bodies(joint) for joint in joints(subject.stage))
         ):
-            yield Problem(
-                prim.path,
-                f"{prim.name} is a rigid body of its own: it does not move with its link",
-                BODY_ENABLED,
-                actual=BODY_API,
-                handout=sensor.spec.pose.handout,
-                related=sensor.place.related,
-                hint=f"select {prim.name}, and remove Rigid Body in the Property panel",
-                fix=(RemoveSchema(prim.path, BODY_API),),
-                unmet=(f"{sensor.group}/{POSITION}",),
-            )
+            message = f"{prim.name} is a rigid body of its own: it does not move with its link"
+            hint = f"select {prim.name}, and remove Rigid Body in the Property panel"
+            fix = (RemoveSchema(prim.path, BODY_API),)
+            problem = Problem(prim.path, message, BODY_ENABLED, actual=BODY_API, hint=hint, fix=fix)
+        else:
+            continue
+        unmet, related = f"{sensor.group}/{POSITION}", sensor.place.related
+        yield restorable(problem, sensor.spec.pose.handout, unmet, related=related)
 
 
 def enclosed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
@@ -263,18 +252,16 @@ def pose_problem(sensor: PresentSensor, error: PoseError) -> Problem:
     """Return one part of a sensor's pose that is wrong."""
     is_only = sensor.name == sensor.spec.kind  # `the lidar`, where the lab calls it so
     name, the = (sensor.name, "the ") if is_only else (sensor.prim.name, "")
-    return Problem(
+    problem = Problem(
         sensor.prim.path,
         f"{name}'s {error.message} relative to its {sensor.place.carrier}",
         error.property,
         error.expected,
         error.actual,
-        sensor.spec.pose.handout,
-        sensor.place.related,
         hint=f"select {the}{name} and {error.hint}",
-        fix=(Restore(sensor.prim.path, error.property),),
-        unmet=(part_of_pose(sensor.group, error.kind),),
     )
+    unmet, related = part_of_pose(sensor.group, error.kind), sensor.place.related
+    return restorable(problem, sensor.spec.pose.handout, unmet, related=related)
 
 
 def wrong_attributes(
@@ -292,18 +279,9 @@ def wrong_attributes(
         expected, actual_text = display(wanted), display(actual)
         default_text = "" if actual is not None else ", which leaves USD's own default"
         message = f"{name} is {actual_text}{default_text}, expected {expected}"
-        yield Problem(
-            prim.path,
-            message,
-            name,
-            expected,
-            actual_text,
-            entry.handout,
-            related,
-            fix=(Restore(prim.path, name),),
-            unmet=(attribute_demand(sensor.group, name),),
-            rests_on=subject.stage.unknown_value(prim, name),
-        )
+        problem = Problem(prim.path, message, name, expected, actual_text)
+        unmet, asset = attribute_demand(sensor.group, name), subject.stage.unknown_value(prim, name)
+        yield restorable(problem, entry.handout, unmet, related=related, rests_on=asset)
 
 
 def missing_schemas(
