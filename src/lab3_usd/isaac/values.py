@@ -18,6 +18,9 @@ class Margin(NamedTuple):
     near_zero: float = 0.0
 
 
+SAVED = Margin(1e-6, 1e-9)  # single precision, into which the GUI writes doubles
+
+
 def same_numbers(was: Sequence[float], now: Sequence[float], margin: Margin) -> bool:
     """Whether numbers are the same up to a margin; those of a vector are measured by the longest.
 

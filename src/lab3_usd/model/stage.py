@@ -11,7 +11,7 @@ from msgspec.structs import force_setattr
 
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.values import Margin, Value, are_alike, same_numbers
+from lab3_usd.isaac.values import SAVED, Margin, Value, are_alike, same_numbers
 from lab3_usd.model.build import Build
 from lab3_usd.model.details import Details
 from lab3_usd.model.prims import (
@@ -26,8 +26,6 @@ from lab3_usd.model.prims import (
 
 if TYPE_CHECKING:
     from lab3_usd.model.dry_run import Scene
-
-NOISE = 1e-6  # relative; the GUI writes float noise into doubles
 
 
 def same_value(was: Value | None, now: Value | None, *, near_zero: float = 1e-12) -> bool:
@@ -45,7 +43,7 @@ def same_value(was: Value | None, now: Value | None, *, near_zero: float = 1e-12
         return was is now
     if isinstance(was, (int, float)) and isinstance(now, (int, float)):
         is_whole = isinstance(was, int) and isinstance(now, int)
-        return not is_whole and same_numbers([was], [now], Margin(NOISE, near_zero))
+        return not is_whole and same_numbers([was], [now], Margin(SAVED.relative, near_zero))
     return was == now
 
 

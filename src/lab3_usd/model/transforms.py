@@ -40,6 +40,9 @@ class PlaceTolerance(Struct, frozen=True):
     scale: float
 
 
+SAVED_PLACE = PlaceTolerance(1e-5, 0.01, 1e-5)  # what single precision leaves of a place
+
+
 def parts_apart(pose: Pose, expected: Pose, tolerance: PlaceTolerance) -> Iterator[Part]:
     """Yield the parts by which two poses differ; a mirrored one is scaled otherwise.
 

@@ -40,6 +40,7 @@ class StageUnits(Struct, frozen=True, forbid_unknown_fields=True):
 
 
 _NEAR_ZERO = 1e-3  # of the tolerance: below it a lone number is as good as zero
+_ONE_SIZE = 0.02  # by how much the radii of two wheels of a robot may differ
 
 
 class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
@@ -61,12 +62,13 @@ class Tolerances(Struct, frozen=True, forbid_unknown_fields=True):
     axle_angle: Positive
     rest: Positive
 
-    def margin(self, kind: Literal["mass", "unit", "joint", "number"]) -> Margin:
+    def margin(self, kind: Literal["mass", "unit", "joint", "wheel", "number"]) -> Margin:
         """Return what numbers of a kind may differ by."""
         return {
             "mass": Margin(self.mass),
             "unit": Margin(self.number),
             "joint": Margin(self.number, self.number),
+            "wheel": Margin(_ONE_SIZE),
             "number": Margin(self.number, _NEAR_ZERO * self.number),
         }[kind]
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 import reprlib
 from collections.abc import Iterable, Iterator
 from pathlib import PurePath
@@ -10,6 +9,7 @@ from typing import TYPE_CHECKING
 
 from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.check.registry import rule
+from lab3_usd.isaac.values import SAVED, same_numbers
 from lab3_usd.model.finding import MOST_ITEMS, MOST_LETTERS, IgnoreNote, Problem
 from lab3_usd.model.prims import is_at_or_below
 
@@ -236,7 +236,7 @@ _DEEPEST = 3
 def is_equal(actual: object, expected: object) -> bool:
     """Whether a value that was read is the one that is asked for."""
     if isinstance(actual, (int, float)) and isinstance(expected, (int, float)):
-        return math.isclose(actual, expected, rel_tol=1e-6, abs_tol=1e-9)
+        return same_numbers([actual], [expected], SAVED)
     return actual == expected
 
 

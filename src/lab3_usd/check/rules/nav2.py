@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-import math
 import operator
 from collections.abc import Iterator, Mapping
 
 from lab3_usd.check.registry import rule
-from lab3_usd.check.rules.files import shortened
+from lab3_usd.check.rules.files import is_equal, shortened
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import NavigationSubject, Parameter
@@ -260,7 +259,7 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
         if any(_unmet(parameter, demand, subject) for demand in meant):
             continue  # no speed at all
         limit, value = limits.get(parameter.last), parameter.value
-        if limit is not None and parameter.kind != "string" and not _close(value, limit):
+        if limit is not None and parameter.kind != "string" and not is_equal(value, limit):
             yield _wrong_value(subject, parameter, f", the graph allows {limit}", limit)
         elif parameter.last in names.speeds and not _are_close(value, wanted):
             yield _wrong_value(subject, parameter, f", the graph allows {wanted}", wanted)
@@ -471,12 +470,8 @@ def _topic(value: object) -> str:
     return "/" + str(value).strip().lstrip("/")
 
 
-def _close(value: object, limit: float) -> bool:
-    return isinstance(value, (int, float)) and math.isclose(value, limit, rel_tol=1e-6)
-
-
 def _are_close(values: object, limits: list[float]) -> bool:
     """Whether a list of speeds has these limits; what is no list has another finding."""
     if not isinstance(values, list):
         return True
-    return len(values) == len(limits) and all(map(_close, values, limits))
+    return len(values) == len(limits) and all(map(is_equal, values, limits))

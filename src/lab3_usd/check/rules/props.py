@@ -17,6 +17,7 @@ from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import StageModel, same_value
 from lab3_usd.model.transforms import (
     AXES,
+    SAVED_PLACE,
     Rotation,
     angle_between,
     decompose,
@@ -344,7 +345,7 @@ def _comes_to(name: str, wanted: Value, prim: Prim, stage: StageModel) -> bool:
     asked = vector(wanted)
     if name == GRAVITY_DIRECTION:  # which is normalized (UsdPhysics schema)
         pull = vector(prim.attributes.get(name))
-        return any(pull) and any(asked) and angle_between(pull, asked) <= _SAME_ANGLE
+        return any(pull) and any(asked) and angle_between(pull, asked) <= SAVED_PLACE.angle
     local = stage.details.local(prim.path) if name.startswith(_OP) else None
     if local is None:
         return False
@@ -355,7 +356,7 @@ def _comes_to(name: str, wanted: Value, prim: Prim, stage: StageModel) -> bool:
         case "scale":
             return same_value(pose.scale, asked, near_zero=1e-6)
     turned = _rotation(name.removeprefix(_OP), wanted)
-    return turned is not None and rotation_difference(pose.rotation, turned) <= _SAME_ANGLE
+    return turned is not None and rotation_difference(pose.rotation, turned) <= SAVED_PLACE.angle
 
 
 def _rotation(operation: str, value: Value) -> Rotation | None:
@@ -384,7 +385,6 @@ def _rotation(operation: str, value: Value) -> Rotation | None:
 
 _ORIENT, _TURNS = "orient", "XYZ"
 _OP, _ORDER = "xformOp:", "xformOpOrder"
-_SAME_ANGLE = 0.01  # degrees
 _LENGTHS = re.compile(
     r"xformOp:translate|(inputs:)?(radius|width|height|length)|size|clippingRange|focusDistance"
     r"|physics:(gravityMagnitude|centerOfMass|localPos[01])"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
@@ -208,9 +207,6 @@ def wheel_collision(subject: RobotSubject) -> Iterator[Problem]:
         yield from _wheels_of_two_sizes(subject)
 
 
-_SAME_SIZE = 0.02  # by how much the radii of two wheels may differ
-
-
 def _wheels_of_two_sizes(subject: RobotSubject) -> Iterator[Problem]:
     """Say that a wheel is smaller than another."""
     wheels = [(prim, spec) for prim, spec in _links(subject) if spec.collision]
@@ -219,10 +215,11 @@ def _wheels_of_two_sizes(subject: RobotSubject) -> Iterator[Problem]:
         for prim, spec in wheels
         if (disc := disc_of(prim, subject.stage)) is not None
     }
+    margin = subject.lab.scene.tolerance.margin("wheel")
     largest = max((radius for radius, _ in sizes.values()), default=0.0)
     other = next((prim for prim, (radius, _) in sizes.items() if radius == largest), None)
     for prim, (radius, spec) in sizes.items():
-        if other is not None and not math.isclose(radius, largest, rel_tol=_SAME_SIZE):
+        if other is not None and not same_numbers([radius], [largest], margin):
             yield Problem(
                 prim.path,
                 f"{prim.name} has a radius of {radius:.4g} m, {other.name} of {largest:.4g}",

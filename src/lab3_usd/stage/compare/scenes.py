@@ -8,9 +8,9 @@ from typing import Any
 from msgspec import Struct
 from pxr import Sdf, Usd
 
-from lab3_usd.isaac.values import Margin
+from lab3_usd.isaac.values import SAVED
 from lab3_usd.model.changes import ChangeKind, Part, StageChange
-from lab3_usd.model.transforms import PlaceTolerance
+from lab3_usd.model.transforms import SAVED_PLACE
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.scene import SceneSpec
 from lab3_usd.stage.compare.pairs import (
@@ -39,8 +39,6 @@ from lab3_usd.stage.compare.value_terms import (
 )
 from lab3_usd.stage.read.opening import quiet
 
-# What single precision leaves of a value, and of a place.
-_NUMBER, _PLACE = Margin(1e-6, 1e-9), PlaceTolerance(position=1e-5, angle=0.01, scale=1e-5)
 # What sensors are set by, which a starter has none of.
 _SENSORS = ("isaac:*", "omni:*")
 
@@ -214,7 +212,7 @@ def _prim_changes(was: PrimRecord, now: Usd.Prim, terms: _Terms) -> Iterator[Sta
                 yield StageChange(part, "changed", path, name, *texts)
     if is_posed:
         matrices = [matrix_of(prim, local=True) for prim in (was.prim, now)]
-        what = how_apart(matrices[0], matrices[1], _PLACE)
+        what = how_apart(matrices[0], matrices[1], SAVED_PLACE)
         if what is not None:
             places = [shown_place(what, matrix) for matrix in matrices]
             yield StageChange(part, "changed", path, "place", *places)
@@ -230,6 +228,6 @@ def _targets(difference: RawDifference, terms: _Terms) -> list[str]:
 def _values(difference: RawDifference) -> list[str]:
     """Return the values before and after; nothing where they are the same."""
     was, now = difference.was, difference.now
-    if was is not None and same_usd_value(was, now, _NUMBER):
+    if was is not None and same_usd_value(was, now, SAVED):
         return []
     return ["not set" if value is None else display_value(value) for value in (was, now)]
