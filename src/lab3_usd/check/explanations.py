@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Mapping, Sequence
-from functools import partial
 
 from lab3_usd.model.dry_run import Behaviour, Check
 from lab3_usd.model.fault import FaultKind
@@ -264,9 +263,9 @@ def rules_named(behaviour: Behaviour, findings: Sequence[Finding]) -> Callable[[
     """
     if behaviour.recording:
         return explaining_rule if behaviour.checkpoint else lambda _: ""
-    return partial(_rule_found, findings)
 
+    def rule_found(check: Check) -> str:
+        finding = explaining_finding(check, findings) if check.verdict != "ok" else None
+        return finding.rule if finding is not None else ""
 
-def _rule_found(findings: Sequence[Finding], check: Check) -> str:
-    finding = explaining_finding(check, findings) if check.verdict != "ok" else None
-    return finding.rule if finding is not None else ""
+    return rule_found

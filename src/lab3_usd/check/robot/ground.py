@@ -228,7 +228,7 @@ def one_sided(subject: RobotSubject, usual: str) -> Iterator[Problem]:
     machine = built.member.get(subject.robot.base) if built is not None else None
     if machine is not None and machine.no_ground is not None:
         path, why = machine.no_ground
-        name = path.rpartition("/")[2]
+        name, prims = path.rpartition("/")[2], subject.stage.of_type(PLANE)
         yield Problem(
             path,
             f"the ground does not carry the robot: {name} {why}",
@@ -237,13 +237,9 @@ def one_sided(subject: RobotSubject, usual: str) -> Iterator[Problem]:
             hint=f"restore {name} from the supplied file",
             fix=(Restore(path),),
             assumes=((path, _OWNER),),
-            covers=tuple((each.path, None) for each in _off(subject.stage)),
+            # What should carry the robot may be a plane that is deactivated.
+            covers=tuple((plane.path, None) for plane in prims if not plane.present),
         )
-
-
-def _off(stage: StageModel) -> Iterator[Prim]:
-    """Yield the planes that are deactivated: what should carry the robot may be one of them."""
-    return (prim for prim in stage.of_type(PLANE) if not prim.present)
 
 
 def _live_boxes(subject: RobotSubject) -> Iterator[Collider]:

@@ -234,7 +234,9 @@ _DEEPEST = 3
 
 
 def is_equal(actual: object, expected: object) -> bool:
-    """Whether a value that was read is the one that is asked for."""
+    """Whether a value, or each of a list, that was read is the one that is asked for."""
+    if isinstance(actual, (list, tuple)) and isinstance(expected, (list, tuple)):
+        return len(actual) == len(expected) and all(map(is_equal, actual, expected))
     if isinstance(actual, (int, float)) and isinstance(expected, (int, float)):
         return same_numbers([actual], [expected], SAVED)
     return actual == expected

@@ -201,7 +201,7 @@ def map_origin(subject: MapSubject) -> Iterator[Problem]:
     expected = subject.facts.origin
     actual = subject.values.get("origin")
     values = [number_in_yaml(number) for number in actual] if isinstance(actual, list) else []
-    if len(values) == len(expected) and all(map(is_equal, values, expected)):
+    if is_equal(values, expected):
         return
     actual_text = shortened(actual)
     message = f"'origin' is {actual_text}, expected {_numbers(expected)}"

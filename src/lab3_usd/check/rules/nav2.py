@@ -261,7 +261,11 @@ def other_speed(subject: NavigationSubject) -> Iterator[Problem]:
         limit, value = limits.get(parameter.last), parameter.value
         if limit is not None and parameter.kind != "string" and not is_equal(value, limit):
             yield _wrong_value(subject, parameter, f", the graph allows {limit}", limit)
-        elif parameter.last in names.speeds and not _are_close(value, wanted):
+        elif (
+            isinstance(value, list)
+            and parameter.last in names.speeds
+            and not is_equal(value, wanted)
+        ):
             yield _wrong_value(subject, parameter, f", the graph allows {wanted}", wanted)
 
 
@@ -424,13 +428,12 @@ def _listed_sources(
     for listing in _named(subject, (subject.navigation.parameters.sources,)):
         layer = listing.name.rpartition(".")[0]
         names = listing.value.split() if isinstance(listing.value, str) else ()
-        places = (f"{layer}.{name}" if layer else name for name in names)
-        yield listing, {place: _values_at(place, listing.node, subject) for place in places}
-
-
-def _values_at(place: str, node: str, subject: NavigationSubject) -> dict[str, Parameter]:
-    own = (parameter for parameter in subject.parameters if parameter.node == node)
-    return {p.last: p for p in own if p.name.rpartition(".")[0] == place}
+        own = [parameter for parameter in subject.parameters if parameter.node == listing.node]
+        sources = {}
+        for place in (f"{layer}.{name}" if layer else name for name in names):
+            values = (parameter for parameter in own if parameter.name.rpartition(".")[0] == place)
+            sources[place] = {parameter.last: parameter for parameter in values}
+        yield listing, sources
 
 
 def _of_scan(
@@ -468,10 +471,3 @@ def _last(node: str) -> str:
 
 def _topic(value: object) -> str:
     return "/" + str(value).strip().lstrip("/")
-
-
-def _are_close(values: object, limits: list[float]) -> bool:
-    """Whether a list of speeds has these limits; what is no list has another finding."""
-    if not isinstance(values, list):
-        return True
-    return len(values) == len(limits) and all(map(is_equal, values, limits))

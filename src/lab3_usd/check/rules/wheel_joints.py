@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 
 from msgspec.structs import replace
 
@@ -33,6 +33,7 @@ from lab3_usd.model.physics import (
     JOINT_ENABLED,
     LIMITS,
     REVOLUTE,
+    USUAL_AXIS,
     bodies,
     is_switched_off,
     joint_limits,
@@ -348,13 +349,16 @@ def joint_axis(subject: RobotSubject) -> Iterator[Problem]:
         for joint, direction in directions.items()
         if not angle_between(direction, wanted) <= limit
     }
+    # Where all wheel joints have the same axis, it is the rotation that is wrong.
+    axes = {joint.prim.attributes.get(AXIS, USUAL_AXIS) for joint in directions}
+    has_one_axis = len(axes) == 1 and len(directions) > 1
     back = scaled(wanted, -1.0)
     section = subject.lab.handout.behind("S09", subject.robot.wheels.handout)
     for joint, direction in wrong.items():
         rotation = f"physics:localRot{joint.base_side}"
         if subject.stage.unknown_value(joint.prim, AXIS, rotation):
             continue
-        name = _cause(joint, directions)
+        name = rotation if has_one_axis else AXIS
         expected, actual = vector_text(wanted), vector_text(direction)
         turn_text = f"about {actual} of the robot, expected {expected}"
         if angle_between(direction, back) <= limit:
@@ -374,10 +378,3 @@ def _lying_wheel(joint: TiedJoint, subject: RobotSubject, section: str) -> Itera
     text = f"{joint.name} turns its wheel about {actual} of the wheel, whose axle is {expected}"
     fault = JointFault(text, name, expected, actual)
     yield wheel_problem(joint, subject.robot, fault, "axis", section)
-
-
-def _cause(joint: TiedJoint, candidates: Collection[TiedJoint]) -> str:
-    """Name the axis, or the rotation where all wheel joints have the same axis."""
-    axes = {other.prim.attributes.get(AXIS, "X") for other in candidates}
-    is_rotation = len(axes) == 1 and len(candidates) > 1
-    return f"physics:localRot{joint.base_side}" if is_rotation else AXIS
