@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import os
+import re
 import shutil
 from contextlib import nullcontext
 from pathlib import Path
@@ -301,6 +302,7 @@ WRONG = {
         "[parameters.K64]\ntolerance = 0",
         "is 0, expected a number above 0",
     ),
+    "rules that are no list": ("rules = 3", "rules is 3, expected a list"),
     "no list": ('ignore = "W01"', "ignore is 'W01', expected a list"),
     "a severity that there is not": ('[severity]\nW01 = "off"', "expected one of error, warning"),
     "no table": ("severity = 1", "severity is 1, expected a table"),
@@ -313,6 +315,8 @@ WRONG = {
 @pytest.mark.parametrize(("text", "said"), WRONG.values(), ids=WRONG)
 def test_a_wrong_file_is_named_with_what_is_wrong(wrong: Path, text: str, said: str) -> None:
     path = set_up(wrong.parent, text)
+    with pytest.raises(UsageError, match=re.escape(said)):
+        config_for([str(wrong)])
     with pytest.raises(UsageError) as error:
         load_config(path)
     assert str(error.value).startswith(str(path))

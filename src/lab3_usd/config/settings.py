@@ -67,7 +67,8 @@ def config_for(paths: Iterable[str], option: str = "--config") -> Config:
         return Config()
     from lab3_usd.check.own_rules import ENDING
 
-    programs = [name for name in read_table(file).get("rules", ()) if str(name).endswith(ENDING)]
+    names = _names(read_table(file).get("rules", []), f"{file}: rules", _SOURCES)
+    programs = [name for name in names if name.endswith(ENDING)]
     if programs:
         raise UsageError(
             f"{file}: rules names {', '.join(programs)}, which would run as a program; if you "
@@ -94,10 +95,7 @@ def reading_for(path: Path) -> Config:
         rule_words = {*all_rules(), *map(str.upper, rule_names())}
         numbers = given["parameters"].items()
         given["parameters"] = {name: each for name, each in numbers if name.upper() in rule_words}
-    try:
-        return _config_of(file, given)
-    except UsageError as error:
-        raise located_in_config(error, file) from error
+    return _config_of(file, given)
 
 
 def load_config(file: Path) -> Config:
@@ -106,40 +104,44 @@ def load_config(file: Path) -> Config:
     Raises:
         UsageError: it cannot be read, or a key or value is wrong; the line says which and where.
     """
-    given = dict(read_table(file))
-    try:
-        return _config_of(file, given)
-    except UsageError as error:
-        raise located_in_config(error, file) from error
+    return _config_of(file, read_table(file))
 
 
 def _config_of(file: Path, given: Mapping[str, Any]) -> Config:
-    for key in given:
-        if key not in _KEYS:
-            raise UsageError(f"{file}: there is no key '{key}'; {guess(key, _KEYS)}")
     # Other keys may name its rules.
     ordered = sorted(given.items(), key=lambda item: item[0] != "rules")
-    values = {
-        key.replace("-", "_"): _KEYS[key](value, f"{file}: {key}", file.parent)
-        for key, value in ordered
-    }
+    try:
+        values = {key.replace("-", "_"): _value(file, key, value) for key, value in ordered}
+    except UsageError as error:
+        raise located_in_config(error, file) from error
     return Config(file=file, **values)
 
 
-def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
+def _value(file: Path, key: str, written: Any) -> Any:
+    if key not in _KEYS:
+        raise UsageError(f"{file}: there is no key '{key}'; {guess(key, _KEYS)}")
+    return _KEYS[key](written, f"{file}: {key}", file.parent)
+
+
+_SOURCES = "Python files and entry points"
+
+
+def _names(value: Any, where: str, what: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-        raise UsageError(f"{where} is {value!r}, expected a list of rules and families")
-    return check_rule_names(value, where)
+        raise UsageError(f"{where} is {value!r}, expected a list of {what}")
+    return tuple(value)
+
+
+def _rules(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
+    return check_rule_names(_names(value, where, "rules and families"), where)
 
 
 def _own_rules(value: Any, where: str, folder: Path) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-        raise UsageError(f"{where} is {value!r}, expected a list of Python files and entry points")
     from lab3_usd.check.own_rules import ENDING, add_own_rules
 
     sources = tuple(
         str(_path(name, where, folder).absolute()) if name.endswith(ENDING) else name
-        for name in value
+        for name in _names(value, where, _SOURCES)
     )
     add_own_rules(sources)
     return sources
@@ -205,9 +207,7 @@ def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str]
 
 
 def _patterns(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
-    if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
-        raise UsageError(f"{where} is {value!r}, expected a list of patterns of file names")
-    return tuple(value)
+    return _names(value, where, "patterns of file names")
 
 
 _KEYS: dict[str, _Reader] = {
