@@ -32,10 +32,9 @@ from submissions import diagnostics
 from lab3_usd.check.registry import rules_of
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import EvidenceSubject
-from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
 
-ROS = load_ros()
+ROS = load_lab().ros
 LAB = load_lab()
 RULES = {found.id: found for found in rules_of("evidence", "E")}
 Files = dict[str, str]

@@ -12,10 +12,9 @@ from lab3_usd.deliverables.nav2_parameters import read_params
 from lab3_usd.deliverables.nav2_templates import PARAMS_FILE, nav2_files
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.folder import NavigationSubject
-from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
 
-ROS = load_ros()
+ROS = load_lab().ros
 LAB = load_lab()
 RULES = {found.id: found for found in rules_of("navigation", "V")}
 GOOD = nav2_files(LAB, ROS)[PARAMS_FILE]

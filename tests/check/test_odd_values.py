@@ -20,10 +20,9 @@ from lab3_usd.deliverables.nav2_templates import PARAMS_FILE, nav2_files
 from lab3_usd.deliverables.plain_yaml import load_plain
 from lab3_usd.model.finding import Report
 from lab3_usd.report.formats.json_report import dump, report_json
-from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
 
-ROS = load_ros()
+ROS = load_lab().ros
 MAP = data_folder("maps") / "turtlebot3_map.yaml"
 MAP_TEXT = MAP.read_text()
 PARAMS = nav2_files(load_lab(), ROS)[PARAMS_FILE]

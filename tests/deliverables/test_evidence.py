@@ -41,9 +41,9 @@ from lab3_usd.deliverables.evidence.outputs import (
 )
 from lab3_usd.deliverables.evidence.saved_outputs import read_listed
 from lab3_usd.model.folder import Evidence, GoalRun, Lookup
-from lab3_usd.spec.load.lab import load_ros
+from lab3_usd.spec.load.loader import load_lab
 
-ROS = load_ros()
+ROS = load_lab().ros
 
 
 def read(folder: Path, **files: str) -> Evidence:

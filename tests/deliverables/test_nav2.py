@@ -18,10 +18,9 @@ from lab3_usd.deliverables.nav2_templates import (
     nav2_files,
     write_nav2,
 )
-from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
 
-FILES = nav2_files(load_lab(), load_ros())
+FILES = nav2_files(load_lab(), load_lab().ros)
 
 
 def parameters(node: str) -> dict[str, Any]:

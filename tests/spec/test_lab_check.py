@@ -168,7 +168,7 @@ ERRORS: dict[str, Case] = {
     "checkpoint of a command": (
         "ros.yaml",
         lambda said: said["commands"][0].update({"from": "1"}),
-        "ros.yaml: command 1 (node_list ): from: there is no checkpoint '1' (checkpoints.yaml has",
+        "ros.yaml: commands: entry 1: from: there is no checkpoint '1' (checkpoints.yaml has",
     ),
     "checkpoint of localization": (
         "checkpoints.yaml",

@@ -10,18 +10,18 @@ import pytest
 
 from lab3_usd.data import data_folder
 from lab3_usd.errors import SpecError
-from lab3_usd.spec.load.lab import load_ros
+from lab3_usd.spec.load.lab import _ros_data, _ros_spec
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.ros import RosSpec, file_word
 
-ROS = load_ros()
+ROS = load_lab().ros
 
 
 def changed(folder: Path, old: str, new: str) -> RosSpec:
     text = (data_folder("graphs") / "ros.yaml").read_text()
     assert old in text
     (folder / "ros.yaml").write_text(text.replace(old, new, 1))
-    return load_ros(folder)
+    return _ros_spec(_ros_data(folder))
 
 
 @pytest.mark.parametrize(
@@ -46,13 +46,13 @@ def test_a_slip_is_one_line_that_names_it(tmp_path: Path, old: str, new: str, sa
 
 
 def test_a_folder_without_it_is_a_course_without_ros(tmp_path: Path) -> None:
-    assert load_ros(tmp_path).topics == {}
-    assert load_ros(tmp_path).commands == ()
+    assert _ros_spec(_ros_data(tmp_path)).topics == {}
+    assert _ros_spec(_ros_data(tmp_path)).commands == ()
 
 
 def test_a_copy_elsewhere_says_the_same(tmp_path: Path) -> None:
     shutil.copy(data_folder("graphs") / "ros.yaml", tmp_path)
-    assert load_ros(tmp_path) == ROS
+    assert _ros_spec(_ros_data(tmp_path)) == ROS
 
 
 def test_every_output_has_a_name_of_its_own() -> None:

@@ -59,7 +59,7 @@ def test_a_slip_is_refused_where_it_is(
     slip(data)
     (folder / SUBMISSION).write_text(quick_yaml.dump(data))
     with pytest.raises(SpecError) as caught:
-        load_submission(folder)
+        load_submission(folder, {})
     assert str(caught.value).startswith(f"{SUBMISSION}: ")
     assert line in str(caught.value)
     assert "\n" not in str(caught.value)
@@ -67,8 +67,8 @@ def test_a_slip_is_refused_where_it_is(
 
 def test_a_missing_file_is_said(tmp_path: Path) -> None:
     with pytest.raises(SpecError, match=r"submission\.yaml: cannot be read"):
-        load_submission(tmp_path)
+        load_submission(tmp_path, {})
 
 
 def test_stages_that_must_differ_are_checkpoints() -> None:
-    assert set(load_submission().stages.differ) <= set(load_lab().checkpoints)
+    assert set(load_lab().submission.stages.differ) <= set(load_lab().checkpoints)

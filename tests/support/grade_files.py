@@ -12,12 +12,11 @@ from lab3_usd.deliverables.evidence.saved_outputs import read_texts
 from lab3_usd.deliverables.submission_files import entries_below
 from lab3_usd.model.folder import Evidence
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.lab import load_ros
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 from lab3_usd.stage.write.starter import build_starter
 
-ROS = load_ros()
+ROS = load_lab().ros
 
 
 def read_evidence(folder: Path, root: Path | None = None) -> Evidence:

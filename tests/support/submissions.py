@@ -29,7 +29,6 @@ from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder,
 from lab3_usd.pipeline.stage import JudgeSettings, check_stage, judge_stage
 from lab3_usd.pipeline.starter_comparison import Starter, against_starter, open_starter
 from lab3_usd.spec.lab import FrameSpec, Lab
-from lab3_usd.spec.load.lab import load_ros, load_submission
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.ros import MapFacts, RosSpec
 from lab3_usd.stage.read.opening import kept_open
@@ -37,8 +36,8 @@ from lab3_usd.stage.write.builder import BuildOptions, build_files, plan_files
 from lab3_usd.stage.write.starter import build_starter
 
 LAB = load_lab()
-ROS = load_ros()
-SPEC = load_submission()
+ROS = load_lab().ros
+SPEC = load_lab().submission
 STARTER = f"assets/{SPEC.stages.starter}.usda"
 ROBOT = LAB.scene.robot.path
 # A pixel: what counts is that there is a picture.

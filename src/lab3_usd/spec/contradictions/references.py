@@ -42,53 +42,28 @@ def checkpoint_faults(lab: Lab) -> Iterator[LabFault]:
     """Yield each reference to a checkpoint that the lab does not have."""
     ids = ", ".join(lab.ids)
     for file, key, checkpoint in _references(lab):
-        if checkpoint not in lab.checkpoints:
+        if checkpoint != FROM_THE_FIRST and checkpoint not in lab.checkpoints:
             message = f"there is no checkpoint '{checkpoint}'"
             yield LabFault(file, key, message, f"{CHECKPOINTS} has {ids}")
 
 
 def _references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     """Yield file, key and checkpoint of everything that names one."""
-    if lab.frames.localization is not None:
-        yield CHECKPOINTS, "frames: localization: from", lab.frames.localization.since
     for robot in lab.scene.robots:
-        if robot.pose_is_error_until:
-            yield SCENE, f"{robot.key}: pose_is_error_until", robot.pose_is_error_until
-    yield from _of_props(lab)
+        yield SCENE, f"{robot.key}: pose_is_error_until", robot.pose_is_error_until
+    for name, prop in lab.scene.props.items():
+        yield from ((SCENE, f"props: {name}: until", key) for key in prop.until)
     for graph in lab.graphs.values():
         for role, node in graph.nodes.items():
-            if node.since:
-                yield file_of(graph), f"{role}: from", node.since
+            yield file_of(graph), f"{role}: from", node.since
             yield from ((file_of(graph), f"{role}: until", key) for key in node.until)
     for name in lab.submission.stages.differ:
         yield SUBMISSION, "stages: differ", name
     for line in lab.submission.checklist:
         if line.stages not in _ANY_STAGES:
             yield SUBMISSION, _line_key(line, "stages"), line.stages
-    for key, since in _since(lab):
-        if since != FROM_THE_FIRST:
-            yield ROS, f"{key}: from", since
-
-
-def _of_props(lab: Lab) -> Iterator[tuple[str, str, str]]:
-    for name, prop in lab.scene.props.items():
-        named = [("until", key) for key in prop.until]
-        named += [("from", prop.since)] if prop.since else []
-        yield from ((SCENE, f"props: {name}: {key}", checkpoint) for key, checkpoint in named)
-
-
-def _since(lab: Lab) -> Iterator[tuple[str, str]]:
-    ros = lab.ros
-    for name, topic in ros.topics.items():
-        yield f"topics: {name}", topic.since
-    for name, node in ros.lifecycle.nodes.items():
-        yield f"lifecycle: nodes: {name}", node.since
-    for name, node in ros.nodes.items():
-        yield f"nodes: {name}", node.since
-    if ros.goal is not None:
-        yield "goal", ros.goal.since
-    for number, command in enumerate(ros.commands, start=1):
-        yield f"command {number} ({command.kind.name} {command.target})", command.since
+    for file, data in _plain(lab).items():
+        yield from ((file, key, name) for key, name in _inside(data, "", ("from",)))
 
 
 def _line_key(line: ChecklistSpec, key: str) -> str:
@@ -262,14 +237,18 @@ def _section_references(lab: Lab) -> Iterator[tuple[str, str, str]]:
     for point in lab.checkpoints.values():
         key = f"checkpoints: '{lab.key_of(point.id)}': removes"
         yield from ((CHECKPOINTS, key, gone.handout) for gone in point.removals if gone.handout)
-    parts = {
+    for file, data in _plain(lab).items():
+        yield from ((file, key, text) for key, text in _inside(data, "", _KEYS))
+
+
+def _plain(lab: Lab) -> dict[str, Any]:
+    """Return what the files of a lab say beside graphs and checkpoints, as plain data."""
+    return {
         SCENE: to_builtins(lab.scene),
         ROS: to_builtins(lab.ros),
         SUBMISSION: to_builtins(lab.submission),
         CHECKPOINTS: {"frames": to_builtins(lab.frames), "policy": to_builtins(lab.policy)},
     }
-    for file, data in parts.items():
-        yield from ((file, key, text) for key, text in _inside(data, ""))
 
 
 def _of_graph(graph: GraphSpec) -> Iterator[tuple[str, str]]:
@@ -284,18 +263,18 @@ def _of_graph(graph: GraphSpec) -> Iterator[tuple[str, str]]:
         yield f"wire '{wire}'", wire.handout
 
 
-def _inside(data: Any, key: str) -> Iterator[tuple[str, str]]:
-    """Yield what plain data says of sections, each with the keys that lead there."""
+def _inside(data: Any, place: str, names: Collection[str]) -> Iterator[tuple[str, str]]:
+    """Yield the texts that plain data have at keys of these names, each with the keys before."""
     if isinstance(data, dict):
         for name, value in data.items():
-            place = f"{key}: {name}" if key else str(name)
-            if name in _KEYS and isinstance(value, str):
-                yield place, value
+            inner = f"{place}: {name}" if place else str(name)
+            if name in names and isinstance(value, str):
+                yield inner, value
             else:
-                yield from _inside(value, place)
+                yield from _inside(value, inner, names)
     elif isinstance(data, (list, tuple)):
         for number, value in enumerate(data, start=1):
-            yield from _inside(value, f"{key}: entry {number}")
+            yield from _inside(value, f"{place}: entry {number}", names)
 
 
 _FIXED = (CATALOG, CHECKPOINTS, ROS, RUBRIC, SCENE, STARTER, SUBMISSION)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Iterable, Mapping
-from typing import Any, ClassVar, TypeVar
+from typing import Any, ClassVar
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -16,13 +16,9 @@ from lab3_usd.spec.lab import (
     Checkpoint,
     FrameSpec,
     Handout,
-    Lab,
-    LocalizationSpec,
     Policy,
     Removal,
 )
-from lab3_usd.spec.props import PropSpec
-from lab3_usd.spec.ros import Command, GoalSpec, HandoutReference, TopicSpec
 from lab3_usd.spec.scene import SceneSpec
 from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import as_record
@@ -30,9 +26,8 @@ from lab3_usd.yaml_file import as_record
 FORMAT = 1  # of the files of a lab; what is older than that has no number
 _PLACEHOLDERS = ("{id}", "{name}", TEAM)
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
-_Since = TypeVar(
-    "_Since", TopicSpec, HandoutReference, GoalSpec, Command, LocalizationSpec, PropSpec
-)
+_REFERENCES = frozenset({"from", "pose_is_error_until"})  # keys whose values name a checkpoint
+_UNTIL = "until"  # the key whose own keys do
 
 
 def is_checkpoint_id(text: str) -> bool:
@@ -105,7 +100,7 @@ class CheckpointsFile(Struct, forbid_unknown_fields=True):
 
 
 class CheckpointFile(Struct, frozen=True):
-    """What `checkpoints.yaml` says: each checkpoint by its key, policy and TF frames.
+    """What `checkpoints.yaml` says: each checkpoint and its id by its key, policy and TF frames.
 
     `files` is the pattern of the stages' names: `Lab3_{id}_{name}`.
     """
@@ -113,6 +108,7 @@ class CheckpointFile(Struct, frozen=True):
     title: str
     files: str
     entries: Mapping[str, CheckpointEntry]
+    ids: Mapping[str, str]
     policy: Policy
     frames: FrameSpec
     handout: Handout
@@ -147,13 +143,15 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
                 f"'{placeholder}' is not a placeholder: no file can match; known are {placeholders}"
             )
             raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
+    frames = content.frames.joined if content.frames.trees else content.frames
+    entries = _entries(content.checkpoints)
+    ids = {key: entry.id or key for key, entry in entries.items()}
+    localization = frames.localization
+    if localization is not None:
+        since = ids.get(localization.since, localization.since)
+        frames = replace(frames, localization=replace(localization, since=since))
     return CheckpointFile(
-        content.title,
-        content.files,
-        _entries(content.checkpoints),
-        content.policy,
-        content.frames.joined if content.frames.trees else content.frames,
-        content.handout,
+        content.title, content.files, entries, ids, content.policy, frames, content.handout
     )
 
 
@@ -235,72 +233,23 @@ def removals(
     }
 
 
-def by_ids(lab: Lab) -> Lab:
-    """Return a lab in which everything refers to checkpoints by their ids, as reports do.
+def with_ids(data: Any, ids: Mapping[str, str]) -> Any:
+    """Return what a file of the lab says with ids of checkpoints, as reports have them, for keys.
 
-    Its files refer to them by keys. What is no key stays as it is: an id, or a mistake.
+    `ids` are those by the keys that files refer to. What is no key stays as it is: an id, or a
+    mistake.
     """
-    ids = lab.ids
-    if all(key == name for key, name in ids.items()):
-        return lab
-
-    def named(name: str) -> str:
-        return ids.get(name, name)
-
-    def since(fact: _Since) -> _Since:
-        return replace(fact, since=named(fact.since))
-
-    frames, ros, submission = lab.frames, lab.ros, lab.submission
-    lifecycle = {name: since(node) for name, node in ros.lifecycle.nodes.items()}
-    graphs = {
-        name: replace(
-            graph,
-            nodes={
-                role: replace(
-                    node,
-                    since=named(node.since),
-                    until={named(key): values for key, values in node.until.items()},
-                )
-                for role, node in graph.nodes.items()
-            },
-        )
-        for name, graph in lab.graphs.items()
-    }
-    return replace(
-        lab,
-        graphs=graphs,
-        frames=replace(
-            frames, localization=None if frames.localization is None else since(frames.localization)
-        ),
-        scene=replace(
-            lab.scene,
-            robots=tuple(
-                replace(robot, pose_is_error_until=named(robot.pose_is_error_until))
-                for robot in lab.scene.robots
-            ),
-            props={
-                name: replace(
-                    since(prop), until={named(key): value for key, value in prop.until.items()}
-                )
-                for name, prop in lab.scene.props.items()
-            },
-        ),
-        ros=replace(
-            ros,
-            topics={name: since(topic) for name, topic in ros.topics.items()},
-            lifecycle=replace(ros.lifecycle, nodes=lifecycle),
-            nodes={name: since(node) for name, node in ros.nodes.items()},
-            goal=None if ros.goal is None else since(ros.goal),
-            commands=tuple(map(since, ros.commands)),
-        ),
-        submission=replace(
-            submission,
-            stages=replace(submission.stages, differ=tuple(map(named, submission.stages.differ))),
-            checklist=tuple(
-                replace(line, stages=named(line.stages)) for line in submission.checklist
-            ),
-        ),
-    )
+    if isinstance(data, list):
+        return [with_ids(entry, ids) for entry in data]
+    if not isinstance(data, dict):
+        return data
+    said = {key: with_ids(value, ids) for key, value in data.items()}
+    for key in _REFERENCES & said.keys():
+        if isinstance(said[key], str):
+            said[key] = ids.get(said[key], said[key])
+    if isinstance(said.get(_UNTIL), dict):
+        said[_UNTIL] = {ids.get(key, key): value for key, value in said[_UNTIL].items()}
+    return said
 
 
 def _check_known(names: Iterable[str], available: tuple[str, ...], where: str) -> None:

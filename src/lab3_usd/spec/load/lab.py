@@ -10,7 +10,7 @@ from typing import Any
 from msgspec import UNSET, Struct, UnsetType
 from msgspec.structs import replace
 
-from lab3_usd.data import data_folder, lab_folder, program
+from lab3_usd.data import data_folder, program
 from lab3_usd.errors import SpecError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import typed_value
@@ -21,9 +21,9 @@ from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, 
 from lab3_usd.spec.load.checkpoints import (
     CheckpointFile,
     accumulate,
-    by_ids,
     read_checkpoint_file,
     removals,
+    with_ids,
 )
 from lab3_usd.spec.load.graph_file import parse_graph
 from lab3_usd.spec.positions import located
@@ -67,15 +67,6 @@ class RosFile(Struct, forbid_unknown_fields=True):
     evidence: _ByName | None = None  # as in the bundled lab
     commands: tuple[dict[str, Any], ...] = ()
     navigation: dict[str, Any] | None = None
-
-
-def load_ros(folder: Path | None = None) -> ros.RosSpec:
-    """Load `ros.yaml` of `folder`, by default the bundled one; a course without ROS has none.
-
-    Raises:
-        SpecError: the file is wrong; the line names the part and the key.
-    """
-    return _ros_spec(_ros_data(folder if folder is not None else lab_folder()))
 
 
 def _ros_data(folder: Path) -> dict[str, Any]:
@@ -237,13 +228,12 @@ class SubmissionFile(Struct, forbid_unknown_fields=True):
     checklist: dict[str, tuple[dict[str, Any], ...]] = {}
 
 
-def load_submission(folder: Path | None = None) -> SubmissionSpec:
-    """Load `submission.yaml` of `folder`, by default the bundled one.
+def load_submission(folder: Path, ids: Mapping[str, str]) -> SubmissionSpec:
+    """Load `submission.yaml` of a folder; `ids` are those of the checkpoints by their keys.
 
     Raises:
         SpecError: the file is missing or wrong; the line names the part and the key.
     """
-    folder = folder if folder is not None else lab_folder()
     content = as_record(read_yaml(folder / SUBMISSION), SubmissionFile, SUBMISSION)
     checklist = f"{SUBMISSION}: checklist"
     starter = content.starter
@@ -251,16 +241,18 @@ def load_submission(folder: Path | None = None) -> SubmissionSpec:
         bundled = read_yaml(data_folder("graphs") / SUBMISSION)["starter"]
         usual = as_record(bundled, StarterRules, f"{SUBMISSION}: starter")
         starter = replace(usual, handout=content.stages.handout)
+    differ = tuple(ids.get(key, key) for key in content.stages.differ)
+    lines = (
+        as_record({"section": section, **line}, ChecklistSpec, f"{checklist}: {section}")
+        for section, lines in content.checklist.items()
+        for line in lines
+    )
     return SubmissionSpec(
         folders=content.folders,
-        stages=content.stages,
+        stages=replace(content.stages, differ=differ),
         deliverables=records(content.deliverables, Deliverable, f"{SUBMISSION}: deliverables"),
         starter=starter,
-        checklist=tuple(
-            as_record({"section": section, **line}, ChecklistSpec, f"{checklist}: {section}")
-            for section, lines in content.checklist.items()
-            for line in lines
-        ),
+        checklist=tuple(replace(line, stages=ids.get(line.stages, line.stages)) for line in lines),
     )
 
 
@@ -301,8 +293,9 @@ def _assembled(folder: Path, platform: Platform, team: str) -> Lab:
     written |= {SCENE: read_yaml(folder / SCENE), ROS: _ros_data(folder)}
     written |= {CHECKPOINTS: {key: checkpoints[key] for key in checkpoints if key not in pattern}}
     files = {file: of_team(data, team or FIRST_TEAM) for file, data in written.items()}
-    graphs = {name: _graph(name, files[f"{name}.yaml"], platform) for name in content.graph_names()}
-    scene = parse_scene(files[SCENE])
+    said = {file: with_ids(data, content.ids) for file, data in files.items()}
+    graphs = {name: _graph(name, said[f"{name}.yaml"], platform) for name in content.graph_names()}
+    scene = parse_scene(said[SCENE])
     _refuse_other_names(content.policy, platform)
     lab = Lab(
         folder=folder,
@@ -312,8 +305,8 @@ def _assembled(folder: Path, platform: Platform, team: str) -> Lab:
         checkpoints=removals(accumulate(content, graphs, tuple(scene.sensors)), graphs, scene),
         policy=content.policy,
         frames=content.frames,
-        ros=_ros_spec(files[ROS]),
-        submission=load_submission(folder),
+        ros=_ros_spec(said[ROS]),
+        submission=load_submission(folder, content.ids),
         handout=content.handout,
         scene=scene,
         by_team=tuple(file for file, data in written.items() if files[file] != data),
@@ -322,7 +315,7 @@ def _assembled(folder: Path, platform: Platform, team: str) -> Lab:
     stages = lab.submission.stages  # without a name, the starter has that of the first stage
     named = replace(stages, starter=stages.starter or lab.checkpoints[lab.first].file)
     lab = replace(lab, submission=replace(lab.submission, stages=named))
-    lab = _with_silence(by_ids(lab))
+    lab = _with_silence(lab)
     return replace(lab, points=_points(folder / RUBRIC, lab))
 
 
