@@ -15,7 +15,7 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import GraphError, SpecError
 from lab3_usd.isaac.graph_form import VARIABLE
-from lab3_usd.isaac.messages import NAMED, with_fields
+from lab3_usd.isaac.messages import with_message
 from lab3_usd.isaac.node_types import INPUT, NodeType, Port, can_connect
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, typed_value
@@ -168,14 +168,6 @@ def graph_node(
     return Node(role, kind, checked, aims, checked_added(kind, added), place)
 
 
-def with_message(kind: NodeType, values: Mapping[str, Any]) -> NodeType:
-    """Return a type with the ports of the message that its values name, by full names of inputs."""
-    if not kind.grows_by_message:
-        return kind
-    parts = [values.get(name, kind.default(name, None)) for name in NAMED]
-    return with_fields(kind, parts) if all(parts) else kind
-
-
 def input_of(kind: NodeType, short: str) -> Port:
     """Return an input of a type.
 
@@ -250,14 +242,9 @@ def make_wire(source: Node, out: str, target: Node, into: str) -> Wire:
 
 
 def _wire_end(node: Node, short: str) -> Port:
-    port = node.type.input(short) or (node.type.port(INPUT + short) if node.type.grows else None)
-    if port is None:
-        if node.type.source(short) is not None:
-            what = "is an output, a wire ends at an input"
-        else:
-            inputs = [name.removeprefix(INPUT) for name in node.type.ports if INPUT in name]
-            what = f"is not there{near_name(short, inputs)}"
-        raise GraphError(f"'{short}' of {node.type.type} {what}")
+    if node.type.input(short) is None and node.type.source(short) is not None:
+        raise GraphError(f"'{short}' of {node.type.type} is an output, a wire ends at an input")
+    port = input_of(node.type, short)
     if not node.type.grows and port.name not in (*node.type.ports, *node.added):
         raise GraphError(f"{port.name} does not exist until 'ports' of {node.role} names it")
     return port

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
-from functools import cache
+from functools import cache, lru_cache
 from typing import Protocol
 
 import msgspec
@@ -86,37 +86,32 @@ def with_named_message(kind: NodeType, written: Mapping[str, Written]) -> NodeTy
 
     `written` are the ports of the node by full name.
     """
-    if not kind.grows_by_message:
-        return kind
     states = {name: written[name] for name in NAMED if name in written}
-    given = {name: state.value for name, state in states.items() if state.value is not None}
-    parts = [given.get(name, kind.default(name, None)) for name in NAMED]
-    return kind if any(state.sources for state in states.values()) else with_fields(kind, parts)
+    if any(state.sources for state in states.values()):
+        return kind
+    return with_message(
+        kind, {name: state.value for name, state in states.items() if state.value is not None}
+    )
 
 
-def with_fields(kind: NodeType, parts: Sequence[object]) -> NodeType:
-    """Return a type with the ports that a node of it makes of the message that it names.
+def with_message(kind: NodeType, values: Mapping[str, object]) -> NodeType:
+    """Return a type with the ports that a node of it makes of the message that its values name.
 
-    `parts` are the values of the inputs `NAMED`. A type that makes none, and a node whose message
-    is not known, keep what they have. Source: OgnROS2Publisher.cpp:535-625: other ports are
-    removed when the node computes first, with their wires.
+    `values` are by full names of inputs. A type that makes none, and a node whose message is not
+    known, keep what they have. Source: OgnROS2Publisher.cpp:535-625: other ports are removed when
+    the node computes first, with their wires.
     """
     if not kind.grows_by_message or kind.role not in {"publisher", "subscriber"}:
         return kind
-    return _with_fields(kind.type, "/".join(map(str, parts)), kind)
+    parts = [values.get(name, kind.default(name, None)) for name in NAMED]
+    return _with_fields(kind, "/".join(map(str, parts)))
 
 
-_made: dict[tuple[str, str], tuple[NodeType, NodeType]] = {}
-
-
-def _with_fields(name: str, message: str, kind: NodeType) -> NodeType:
+@lru_cache(maxsize=256)
+def _with_fields(kind: NodeType, message: str) -> NodeType:
     fields = messages().get(message)
     if fields is None:
         return kind
-    base, made = _made.get((name, message), (None, None))
-    if made is None or base is not kind:
-        start = INPUT if kind.role == "publisher" else OUTPUT
-        ports = {start + field: Port(start + field, ogn, ogn) for field, ogn in fields.items()}
-        made = replace(kind, ports={**kind.ports, **ports}, grows_by_message=False)
-        _made[name, message] = (kind, made)
-    return made
+    start = INPUT if kind.role == "publisher" else OUTPUT
+    ports = {start + field: Port(start + field, ogn, ogn) for field, ogn in fields.items()}
+    return replace(kind, ports={**kind.ports, **ports}, grows_by_message=False)

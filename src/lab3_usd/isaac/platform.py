@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from functools import cached_property
+from functools import cached_property, lru_cache
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -24,10 +24,10 @@ from lab3_usd.isaac.behaviour import (
 )
 from lab3_usd.isaac.graph_form import GraphForm
 from lab3_usd.isaac.names import Names, OtherName
-from lab3_usd.isaac.node_types import NodeType, Port
+from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.isaac.release_changes import ReleaseChanges
-from lab3_usd.isaac.releases import BASE, Release, changed, order
+from lab3_usd.isaac.releases import BASE, Release, TypeChanges, changed, order
 from lab3_usd.isaac.sensor_models import SensorModels
 
 
@@ -175,56 +175,20 @@ class Platform(GraphRuns, frozen=True, eq=False, dict=True):
 
     def releases_with(self, node_type: str, port: str) -> tuple[str, ...]:
         """Return the releases in which a type has a port that it lacks in 6.0."""
-        changed_in = self._changed_in.get(node_type, {})
-        return tuple(name for name in changed_in if port in changed_in[name])
-
-    @cached_property
-    def _changed_in(self) -> dict[str, dict[str, Mapping[str, Port]]]:
-        """The ports that other releases have, by type and release, the oldest release first."""
-        changed_in: dict[str, dict[str, Mapping[str, Port]]] = {}
-        for name in self.known_releases:
-            release = self.releases.get(name)
-            for node_type, changes in () if release is None else release.types.items():
-                changed_in.setdefault(node_type, {})[name] = changes.ports
-        return changed_in
+        described = ((name, self.releases.get(name)) for name in self.known_releases)
+        return tuple(
+            name
+            for name, release in described
+            if release is not None and port in release.types.get(node_type, TypeChanges()).ports
+        )
 
     def versions(self, node_type: str) -> Mapping[str, int]:
         """Return the version that a type has in each release."""
-        by_release = self._versions.get(node_type)
-        if by_release is None:
-            by_release = self._versions_of(node_type)
-            if by_release:  # a file may name any type
-                self._versions[node_type] = by_release
-        return by_release
+        return _versions(self, node_type)
 
     def newest_version(self, node_type: NodeType) -> int:
         """Return the newest version of a type in any release."""
-        newest = self._newest.get(node_type.type)
-        if newest is None:
-            versions = self.versions(node_type.type).values()
-            newest = self._newest[node_type.type] = max(versions, default=node_type.version)
-        return newest
-
-    @cached_property
-    def _newest(self) -> dict[str, int]:
-        return {}
-
-    @cached_property
-    def _versions(self) -> dict[str, dict[str, int]]:
-        return {}
-
-    def _versions_of(self, node_type: str) -> dict[str, int]:
-        base = self.base.get(node_type)
-        versions: dict[str, int] = {}
-        for name in self.releases_of(node_type):
-            release = self.releases.get(name)
-            kind = base if release is None else release.has.get(node_type, base)
-            changes = None if release is None else release.types.get(node_type)
-            if changes is not None and changes.version is not None:
-                versions[name] = changes.version
-            elif kind is not None:
-                versions[name] = kind.version
-        return versions
+        return max(self.versions(node_type.type).values(), default=node_type.version)
 
     def in_release(self, name: str) -> Platform:
         """Return Isaac Sim as it is in a release: its types, ports, defaults and tokens."""
@@ -240,3 +204,18 @@ class Platform(GraphRuns, frozen=True, eq=False, dict=True):
             if type_name not in release.lacks
         }
         return replace(self, release=name, types={**types, **release.has})
+
+
+@lru_cache(maxsize=1024)
+def _versions(platform: Platform, node_type: str) -> Mapping[str, int]:
+    base = platform.base.get(node_type)
+    versions: dict[str, int] = {}
+    for name in platform.releases_of(node_type):
+        release = platform.releases.get(name)
+        kind = base if release is None else release.has.get(node_type, base)
+        changes = None if release is None else release.types.get(node_type)
+        if changes is not None and changes.version is not None:
+            versions[name] = changes.version
+        elif kind is not None:
+            versions[name] = kind.version
+    return versions

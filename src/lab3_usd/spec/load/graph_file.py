@@ -23,8 +23,8 @@ from lab3_usd.isaac.graph import (
     make_wire,
     placed,
     refuse_second_sources,
-    with_message,
 )
+from lab3_usd.isaac.messages import with_message
 from lab3_usd.isaac.node_types import INPUT, Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import is_known_type, typed_value

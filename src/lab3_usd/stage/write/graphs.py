@@ -7,7 +7,7 @@ from typing import Any
 
 from pxr import Gf, Sdf, Usd
 
-from lab3_usd.isaac.graph import with_message
+from lab3_usd.isaac.messages import with_message
 from lab3_usd.isaac.node_types import Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
