@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from typing import Any, NamedTuple, Union
 
 from lab3_usd.errors import SpecError
@@ -63,31 +63,14 @@ _TUPLES = {
 }  # fmt: skip
 
 
-def _whole(low: int, high: int) -> Callable[[Any], bool]:
-    return lambda value: (
-        isinstance(value, int) and not isinstance(value, bool) and low <= value <= high
-    )
-
-
 _REALS = ("half", "float", "double", "timecode")
-_SCALARS: dict[str, Callable[[Any], bool]] = {
-    "bool": lambda value: isinstance(value, bool),
-    "string": lambda value: isinstance(value, str),
-    "token": lambda value: isinstance(value, str),
-    **dict.fromkeys(
-        _REALS,
-        lambda value: (
-            isinstance(value, (int, float)) and not isinstance(value, bool) and math.isfinite(value)
-        ),
-    ),
-    **{name: _whole(*limits) for name, limits in _RANGES.items()},
-}
+_OTHERS = {"bool": bool, "string": str, "token": str}
 
 
 def is_known_type(usd_type: str) -> bool:
     """Whether values of this USD type can be written in a spec."""
     base = usd_type.removesuffix("[]")
-    return base in _TUPLES or base in _SCALARS
+    return base in (*_TUPLES, *_RANGES, *_REALS, *_OTHERS)
 
 
 def fits_type(value: Any, usd_type: str) -> bool:
@@ -101,8 +84,14 @@ def fits_type(value: Any, usd_type: str) -> bool:
             and len(value) == count
             and all(fits_type(v, element) for v in value)
         )
-    check = _SCALARS.get(usd_type)
-    return check is not None and check(value)
+    if usd_type in _OTHERS:
+        return isinstance(value, _OTHERS[usd_type])
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        return False
+    if usd_type in _RANGES:
+        low, high = _RANGES[usd_type]
+        return isinstance(value, int) and low <= value <= high
+    return usd_type in _REALS and math.isfinite(value)
 
 
 # Types of which each can hold the values of the others. Isaac Sim reads them for one another: files

@@ -275,14 +275,12 @@ def _named(
     """Return the things by names of their own, with paths and parts of their checkpoints."""
     named: dict[str, dict[str, Any]] = {}
     for (path, since), data in things.items():
-        words = [_words(part) for part in path.split("/")[1:]]
+        words = []
+        for part in path.split("/")[1:]:
+            text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", part.replace("*", "")).lower()
+            words.append(" ".join(filter(None, text.split("_"))) or "thing")
         later = "" if "type" in data or since == ids[0] else f" at {since}"
         names = [" ".join(words[start:]) + later for start in reversed(range(len(words)))]
         name = next((name for name in names if name not in named), path + later)
         named[name] = {"path": path, **data, "handout": f"{part_letter(ids.index(since))}1"}
     return named
-
-
-def _words(name: str) -> str:
-    text = re.sub(r"(?<=[a-z])(?=[A-Z])", "_", name.replace("*", ""))
-    return " ".join(filter(None, text.lower().split("_"))) or "thing"
