@@ -160,17 +160,6 @@ def is_graph_evaluated(graph: GraphModel, stage: StageModel) -> bool:
     return not unevaluated_by(graph, stage)
 
 
-def unevaluated_by(graph: GraphModel, stage: StageModel) -> str:
-    """Return the attribute that keeps a graph from being evaluated, '' for none."""
-    reasons = _unevaluated(stage)
-    return reasons[graph.path] if graph.path in reasons else _what_stops(graph, stage)
-
-
-@once_per_stage
-def _unevaluated(stage: StageModel) -> dict[str, str]:
-    return {graph.path: _what_stops(graph, stage) for graph in stage.graphs}
-
-
 @once_per_stage
 def referenced_graphs(stage: StageModel) -> frozenset[str]:
     """Return the graphs that prims of the scene use."""
@@ -179,7 +168,9 @@ def referenced_graphs(stage: StageModel) -> frozenset[str]:
     return frozenset(path for prim in prims for path in prim.relationships.get(name, ()))
 
 
-def _what_stops(graph: GraphModel, stage: StageModel) -> str:
+@once_per_stage
+def unevaluated_by(graph: GraphModel, stage: StageModel) -> str:
+    """Return the attribute that keeps a graph from being evaluated, '' for none."""
     form = stage.platform.graph.evaluation
     is_by_reference = _attribute(graph, form.mode, stage.platform) in form.by_reference
     if is_by_reference and graph.path not in referenced_graphs(stage):
@@ -314,12 +305,11 @@ def signal_sources(node: Node, nodes: Nodes) -> Iterator[Node]:
 def signals(node: Node, nodes: Nodes) -> Sources:
     """Return the outputs that trigger this node, or may where a type is unknown."""
     kept = nodes.triggers if type(nodes) is LiveNodes else {}
-    stored = kept.get(node.path)
-    if stored is None or stored[0] is not node:
+    if node not in kept:
         fed = (live_sources(node, port, nodes) for port in signal_inputs(node))
         sent = (each for sources in fed for each in sources)
-        stored = kept[node.path] = node, tuple(s for s in sent if _may_signal(s[0].type, s[1]))
-    return stored[1]
+        kept[node] = tuple(s for s in sent if _may_signal(s[0].type, s[1]))
+    return kept[node]
 
 
 @lru_cache(maxsize=1024)

@@ -234,28 +234,13 @@ def parent_frame(node: Node, stage: StageModel) -> str:
     return frame_of_prim(prim, stage) if prim else stage.platform.world_frame
 
 
+@once_per_stage
 def computed_pairs(node: Node, stage: StageModel) -> Sequence[Pair]:
     """Return the frames that a node's target prims give, in the order of the targets.
 
     Targets that do not exist, and those whose frames only a missing asset knows, give
     none.
     """
-    if not listed_targets(node):
-        return ()
-    stored = _pairs_of_nodes(stage)
-    node_pairs = stored.get(node.path)
-    if node_pairs is None or node_pairs[0] is not node:
-        node_pairs = stored[node.path] = node, _pairs_of(node, stage)
-    return node_pairs[1]
-
-
-@once_per_stage
-def _pairs_of_nodes(_stage: StageModel) -> dict[str, tuple[Node, Sequence[Pair]]]:
-    """Keep the frames of each node by its path, which several rules ask for."""
-    return {}
-
-
-def _pairs_of(node: Node, stage: StageModel) -> Sequence[Pair]:
     sources: list[tuple[str, str]] = []  # target prim, prim of the frame
     links: Links = {}
     expanded: set[str] = set()

@@ -17,7 +17,7 @@ from lab3_usd.isaac.pure_nodes import (
 )
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import upwards
-from lab3_usd.model.stage import Node, PortState
+from lab3_usd.model.stage import Node
 
 Nodes = Mapping[str, Node]
 Variables = Mapping[str, Mapping[str, Value]]
@@ -33,8 +33,8 @@ class LiveNodes(dict[str, Node]):
         """Take all live nodes of a stage, or some, and the variables of its graphs."""
         super().__init__((node.path, node) for node in nodes)
         self.variables = variables
-        self.fed: dict[tuple[str, str], tuple[PortState, Sources]] = {}
-        self.triggers: dict[str, tuple[Node, Sources]] = {}
+        self.fed: dict[tuple[Node, str], Sources] = {}
+        self.triggers: dict[Node, Sources] = {}
 
 
 def live_sources(node: Node, port: str, live: Nodes) -> Sources:
@@ -46,22 +46,17 @@ def live_sources(node: Node, port: str, live: Nodes) -> Sources:
     state = node.ports.get(port)
     if state is None or not state.sources:
         return ()
-    if type(live) is not LiveNodes:
-        return _sources(node, port, state, live)
-    stored = live.fed.get((node.path, port))
-    if stored is None or stored[0] is not state:
-        stored = live.fed[node.path, port] = state, _sources(node, port, state, live)
-    return stored[1]
-
-
-def _sources(node: Node, port: str, state: PortState, live: Nodes) -> Sources:
+    fed = live.fed if type(live) is LiveNodes else {}
+    if (sources := fed.get((node, port))) is not None:
+        return sources
     ends = []
     for path in state.sources:
         prim, _, source_port = path.rpartition(".")
         source = live.get(prim)
         if source is not None and is_taken(source, source_port, node, port):
             ends.append((source, source_port))
-    return tuple(ends)
+    fed[node, port] = sources = tuple(ends)
+    return sources
 
 
 def is_taken(source: Node, source_port: str, node: Node, port: str) -> bool:

@@ -46,4 +46,3 @@ class Build(Struct, frozen=True, eq=False):
     places: Mapping[tuple[str, str | None, str | None], Span] = {}
     created: frozenset[tuple[str, str]] = frozenset()
     quiet: frozenset[tuple[str, str]] = frozenset()
-    has_scene: bool = False

@@ -72,8 +72,8 @@ class PortState(Struct, frozen=True, gc=False):
     targets: tuple[str, ...] = ()
 
 
-class Node(Struct, frozen=True, gc=False):
-    """A node prim that is active and defined.
+class Node(Struct, frozen=True, eq=False, gc=False):
+    """A node prim that is active and defined; two are the same only when they are one.
 
     `type_name` is the name of its type in the release that the stage is checked for ('' if absent),
     `type` its entry of the platform or None. Names of ports are those of that release, too. If the
@@ -189,8 +189,8 @@ class GraphVariable(Struct, frozen=True):
     value: Value | None = None
 
 
-class GraphModel(Struct, frozen=True):
-    """A graph prim with its nodes in the order of their paths.
+class GraphModel(Struct, frozen=True, eq=False):
+    """A graph prim with its nodes in the order of their paths; it is equal to itself alone.
 
     `instanced` is whether it belongs to an instance, of which Isaac Sim loads no graph. Of a
     deactivated graph only the number of its nodes is known, `hidden`. `inner` are the graphs of its

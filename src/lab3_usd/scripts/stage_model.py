@@ -103,7 +103,6 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
         quiet=frozenset(
             (node.path, name) for node in made for name, port in node.ports.items() if port.is_quiet
         ),
-        has_scene=scene is not None,
     )
     prims = {graph.path: Prim(graph.path, platform.graph.type, ()) for graph in graphs}
     if scene is None:
