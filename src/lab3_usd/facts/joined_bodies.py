@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable
 
 from msgspec import Struct
 
+from lab3_usd.facts.tree import first_connected
 from lab3_usd.model.physics import FIXED, bodies, bodies_below, is_joint_type
 from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import StageModel, once_per_stage
@@ -59,26 +59,10 @@ def joined_bodies(stage: StageModel) -> JoinedBodies:
         for joint in stage.of_type(is_joint_type)
         if joint.present
     ]
-    robots = _groups(paths, (pair for pair, _ in tied if all(pair)))
-    rigid = _groups([_WORLD, *paths], (pair for pair, is_fixed in tied if is_fixed))
+    robots = first_connected(paths, (pair for pair, _ in tied if all(pair)))
+    rigid = first_connected([_WORLD, *paths], (pair for pair, is_fixed in tied if is_fixed))
     holds: dict[str, str] = {}
     for path, robot in robots.items():
         for top in ("", *upwards(path.rpartition("/")[0])):
             holds[top] = robot if holds.get(top, robot) == robot else ""
     return JoinedBodies(robots, rigid, Counter(robots.values()), holds)
-
-
-def _groups(paths: Iterable[str], pairs: Iterable[tuple[str, ...]]) -> dict[str, str]:
-    """Map each path to the first one of those that pairs tie to it."""
-    first = {path: path for path in paths}
-
-    def top(path: str) -> str:
-        while first[path] != path:
-            first[path] = path = first[first[path]]
-        return path
-
-    order = {path: number for number, path in enumerate(first)}
-    for one, other in pairs:
-        low, high = sorted((top(one), top(other)), key=order.__getitem__)
-        first[high] = low
-    return {path: top(path) for path in first}

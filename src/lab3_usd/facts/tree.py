@@ -6,13 +6,13 @@ static twin. Published transforms, recorded ones and those of a dry run are all 
 
 from __future__ import annotations
 
-from collections import deque
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from functools import cached_property
+from itertools import chain
 from types import MappingProxyType
 from typing import Generic, Protocol, TypeVar
 
-from msgspec import Struct, field
+from msgspec import Struct
 
 
 def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
@@ -29,6 +29,22 @@ def is_acyclic(pairs: Iterable[tuple[str, str]]) -> bool:
             if not waiting[name]:
                 ahead.append(name)
     return not after
+
+
+def first_connected(names: Iterable[str], pairs: Iterable[Sequence[str]]) -> dict[str, str]:
+    """Map each name to the first one of those that pairs connect with it."""
+    first = {name: name for name in names}
+
+    def top(name: str) -> str:
+        while first[name] != name:
+            first[name] = name = first[first[name]]
+        return name
+
+    order = {name: number for number, name in enumerate(first)}
+    for one, other in pairs:
+        low, high = sorted((top(one), top(other)), key=order.__getitem__)
+        first[high] = low
+    return {name: top(name) for name in first}
 
 
 class Placement(Protocol):
@@ -57,24 +73,6 @@ class SentTransform(Struct, frozen=True):
 
 _Edge = TypeVar("_Edge", bound=Placement)
 _NONE: Mapping[str, str] = MappingProxyType({})
-
-
-class _Part(Struct, Generic[_Edge], eq=False):
-    """Transforms that connect each other, their frames, and the number of the latest one."""
-
-    latest: int
-    edges: deque[_Edge] = field(default_factory=deque)
-    frames: set[str] = field(default_factory=set)
-
-    def behind(self, other: _Part[_Edge]) -> _Part[_Edge]:
-        """Return the larger of two parts, with the transforms of the other one before its own."""
-        if len(self.edges) > len(other.edges):
-            self.edges.extendleft(reversed(other.edges))
-            self.frames |= other.frames
-            return self
-        other.edges.extend(self.edges)
-        other.frames |= self.frames
-        return other
 
 
 class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
@@ -182,24 +180,16 @@ class Tree(Struct, Generic[_Edge], frozen=True, dict=True):
     @cached_property
     def parts(self) -> tuple[tuple[tuple[_Edge, ...], frozenset[str]], ...]:
         """The trees that nothing connects: their transforms and frames, the largest first."""
-        part_of: dict[str, _Part[_Edge]] = {}
-        for number, edge in enumerate(self.edges):
-            touched = {
-                id(part): part for name in (edge.parent, edge.child) if (part := part_of.get(name))
-            }
-            joined = _Part[_Edge](number)
-            for part in sorted(touched.values(), key=lambda part: part.latest):
-                joined = joined.behind(part)
-            joined.latest = number
-            joined.edges.append(edge)
-            joined.frames.update((edge.parent, edge.child))
-            for part in touched.values():
-                if part is not joined:
-                    part_of.update(dict.fromkeys(part.frames, joined))
-            part_of[edge.parent] = part_of[edge.child] = joined
-        parts = {id(part): part for part in part_of.values()}.values()
-        ordered = sorted(parts, key=lambda part: (-len(part.frames), part.latest))
-        return tuple((tuple(part.edges), frozenset(part.frames)) for part in ordered)
+        pairs = [(edge.parent, edge.child) for edge in self.edges]
+        first = first_connected(chain.from_iterable(pairs), pairs)
+        latest = {first[edge.parent]: number for number, edge in enumerate(self.edges)}
+        edges: dict[str, list[_Edge]] = {name: [] for name in latest}
+        frames: dict[str, set[str]] = {name: set() for name in latest}
+        for edge in self.edges:
+            edges[first[edge.parent]].append(edge)
+            frames[first[edge.parent]].update((edge.parent, edge.child))
+        ordered = sorted(latest, key=lambda name: (-len(frames[name]), latest[name]))
+        return tuple((tuple(edges[name]), frozenset(frames[name])) for name in ordered)
 
     @cached_property
     def islands(self) -> dict[str, str]:
