@@ -228,7 +228,7 @@ def cut_off(stage: StageModel) -> Mapping[str, Prim]:
     for joint in working:
         for body in dict.fromkeys(filter(None, map(carrier, ends(joint)))):
             ties.setdefault(body, []).append(joint)
-    roots = [prim.path for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
+    roots = articulations("/", stage)
     # A root that is no body may stand for several articulations.
     reached: dict[str, Prim | None] = {path: None for path in roots if path in body_paths}
     ahead = list(reached)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Mapping
-from functools import cache
 
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import order
@@ -19,7 +18,7 @@ _WORD = r"[A-Z]?[a-z]+|[A-Z]+(?![a-z])|\d+"
 def likely_name(written: str, names: Collection[str]) -> str | None:
     """Return the known name that a name was likely meant to be, None where none is near."""
     same = [name for name in names if name.lower() == written.lower()]
-    return same[0] if same else _near(written, names, _ALIKE)
+    return same[0] if same else near_name(written, names, _ALIKE)
 
 
 def likely_port(written: str, ports: Collection[str]) -> str | None:
@@ -40,7 +39,9 @@ def _has_other_word(written: str, near: str) -> bool:
     if len(words) != len(meant):
         return False
     pairs = zip(map(str.lower, words), map(str.lower, meant), strict=True)
-    return any(_near(word, [other], _ALIKE_WORD) is None for word, other in pairs if word != other)
+    return any(
+        near_name(word, [other], _ALIKE_WORD) is None for word, other in pairs if word != other
+    )
 
 
 def likely_type(written: str, types: Collection[str]) -> str | None:
@@ -54,11 +55,11 @@ def likely_type(written: str, types: Collection[str]) -> str | None:
     same = [name for name in types if name.rpartition(".")[2].removeprefix("Ogn") == last]
     if len(same) == 1 and last and _is_known_publisher(before, same[0], types):
         return same[0]
-    near = _of_like_length(written, types, _NEAR_TYPE)
-    if not near:
+    if near_name(written, types, _NEAR_TYPE) is None:
         return None
-    letters = re.sub(_NUMBER, "", written)  # of any text, which is not kept
-    return _near(written, [name for name in near if _letters(name) != letters], _NEAR_TYPE)
+    letters = re.sub(_NUMBER, "", written)
+    others = [name for name in types if re.sub(_NUMBER, "", name) != letters]
+    return near_name(written, others, _NEAR_TYPE)
 
 
 def _is_known_publisher(before: list[str], meant: str, types: Collection[str]) -> bool:
@@ -109,23 +110,11 @@ def is_unregistered(name: str, platform: Platform) -> bool:
     return not name or bool(releases) or meant_type(name, platform) is not None
 
 
-@cache
-def _letters(name: str) -> str:
-    return re.sub(_NUMBER, "", name)
-
-
-def _of_like_length(written: str, names: Collection[str], least: float) -> list[str]:
-    """Return the names that can be near: what two have in common is no longer than the shorter."""
-    length = len(written)
-    return [name for name in names if 2 * min(length, len(name)) >= least * (length + len(name))]
-
-
-def _near(written: str, names: Collection[str], least: float) -> str | None:
+def near_name(written: str, names: Collection[str], least: float) -> str | None:
+    """Return the name that is the most like another one, None where none is as like as `least`."""
     from difflib import get_close_matches
 
-    fitting = _of_like_length(written, names, least)
-    near = get_close_matches(written, fitting, 1, least) if fitting else ()
-    return near[0] if near else None
+    return next(iter(get_close_matches(written, names, 1, least)), None)
 
 
 def did_you_mean(name: str | None) -> str:

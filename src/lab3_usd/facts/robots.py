@@ -13,20 +13,19 @@ from typing import Literal
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.facts.articulations import articulations
 from lab3_usd.facts.endpoints import namespaces_above
 from lab3_usd.facts.frame_targets import ROBOT_API, frame_of_prim
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.wheels import axis_of_joint, rolling_radius
 from lab3_usd.model.joint_drives import DRIVEN_AXES, read_drive
 from lab3_usd.model.physics import (
-    ARTICULATION_API,
     FAR,
     FIXED,
     REVOLUTE,
     SCENE,
     bodies,
     bodies_below,
-    is_articulated,
     is_excluded,
     joint_limits,
     joints,
@@ -173,10 +172,9 @@ class Robot(Struct, frozen=True, eq=False):
 def robots(stage: StageModel) -> tuple[Robot, ...]:
     """Return the robots of a stage: those with an articulation in its order, then the others."""
     all_robots: list[Robot] = []
-    for root in _roots(stage):
-        is_link = root.path in rigid_bodies(stage)
-        links = [root.path] if is_link else bodies_below(stage, root.path)
-        all_robots.append(_robot(root.path, root.path, links, stage))
+    for root in articulations("/", stage):
+        links = [root] if root in rigid_bodies(stage) else bodies_below(stage, root)
+        all_robots.append(_robot(root, root, links, stage))
     articulated = {link for robot in all_robots for link in robot.links}
     joined = joined_bodies(stage)
     groups: dict[str, list[str]] = {}
@@ -186,10 +184,6 @@ def robots(stage: StageModel) -> tuple[Robot, ...]:
         if len(paths) > 1 and articulated.isdisjoint(paths):
             all_robots.append(_robot("", first, paths, stage))
     return tuple(replace(robot, sensors=tuple(_sensors_of(robot, stage))) for robot in all_robots)
-
-
-def _roots(stage: StageModel) -> list[Prim]:
-    return [prim for prim in stage.with_api(ARTICULATION_API) if is_articulated(prim)]
 
 
 class _Tie(Struct, frozen=True, eq=False):
@@ -308,8 +302,7 @@ def _robot_prim(root: str, base: str, links: Sequence[str], stage: StageModel) -
             return path
     holding = [path for path in upwards(start) if all(is_at_or_below(p, path) for p in links)]
     top = next(iter(holding), start)
-    other_roots = [prim.path for prim in _roots(stage) if prim.path != root]
-    has_more = any(is_at_or_below(path, top) for path in other_roots)
+    has_more = any(other != root for other in articulations(top, stage))
     has_more |= any(is_at_or_below(prim.path, top) for prim in stage.of_type(SCENE))
     return start if has_more else top
 

@@ -10,6 +10,7 @@ from typing import Any
 
 from msgspec import Struct
 
+from lab3_usd.facts.likely_names import near_name
 from lab3_usd.facts.sensor_rules import breaches
 from lab3_usd.facts.sensor_values import SensorValues, values_of
 from lab3_usd.isaac.platform import Platform
@@ -28,6 +29,7 @@ _KINDS: Mapping[str, type] = {
 }
 _SCHEMA = "the schema"
 _MOST_KNOWN = 1000  # sensors whose faults are kept for further stages
+_ALIKE = 0.6  # of a name and the one that was likely meant
 _LONG = 1000  # entries of a list that is not compared with those of other sensors
 
 
@@ -215,11 +217,9 @@ def _instance_in(name: str, template: str) -> str:
 
 def _nearest(name: str, attributes: Iterable[str]) -> str:
     """Return the known name whose last part is the most like that of a name, '' for none."""
-    from difflib import get_close_matches
-
     short = {each.rpartition(":")[2].lower(): each for each in attributes}
-    near = get_close_matches(name.rpartition(":")[2].lower(), short, n=1)
-    return short[near[0]] if near else ""
+    near = near_name(name.rpartition(":")[2].lower(), short, _ALIKE)
+    return "" if near is None else short[near]
 
 
 def _odd_instances(apis: tuple[str, ...], models: SensorModels) -> Iterator[SensorFault]:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
-from difflib import get_close_matches
 from functools import cache
 from pathlib import Path
 
 from msgspec import Struct
 from pxr import Sdf, Tf, Usd
 
+from lab3_usd.facts.likely_names import near_name
 from lab3_usd.stage.read.opening import open_stage
 
 _ALIKE = 0.85
@@ -64,7 +64,7 @@ def likely_schema(name: str, types: Collection[str]) -> str | None:
     schemas = {*_own_types(), *types}
     if not name or name in schemas:
         return None
-    return next(iter(get_close_matches(name, sorted(schemas), 1, _ALIKE)), None)
+    return near_name(name, sorted(schemas), _ALIKE)
 
 
 def likely_property(prim: Usd.Prim, name: str) -> str | None:
@@ -77,7 +77,7 @@ def likely_property(prim: Usd.Prim, name: str) -> str | None:
     names = prim.GetPrimDefinition().GetPropertyNames()
     if name in names:
         return None
-    return next(iter(get_close_matches(name, names, 1, _ALIKE)), None)
+    return near_name(name, names, _ALIKE)
 
 
 def likely_api(name: str) -> str | None:
@@ -88,7 +88,7 @@ def likely_api(name: str) -> str | None:
     stem, colon, instance = name.partition(":")
     if stem in _own_apis() or stem.startswith(_OF_ISAAC):
         return None
-    meant = next(iter(get_close_matches(stem, sorted(_own_apis()), 1, _ALIKE)), None)
+    meant = near_name(stem, sorted(_own_apis()), _ALIKE)
     return None if meant is None else f"{meant}{colon}{instance}"
 
 
