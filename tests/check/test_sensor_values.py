@@ -184,7 +184,7 @@ def test_rules_name_attributes_that_schemas_have() -> None:
         part.whole(name)
         for part in models.rules.values()
         for rule in part.rules
-        for name in (*rule.of, *rule.or_else, *rule.when, *rule.when_above, rule.unless)
+        for name in (*rule.of, *rule.when, *rule.when_above, rule.unless)
         if name
     }
     limits = {

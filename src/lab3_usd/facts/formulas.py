@@ -29,6 +29,7 @@ _FUNCTIONS: Mapping[str, Callable[..., Any]] = {
     "sin": lambda degrees: math.sin(math.radians(degrees)),
     "count": len,
     "min": min,
+    "sum": sum,
     "column": lambda pairs, number: [pair[number] for pair in pairs],
     "rising": lambda values: all(low < high for low, high in pairwise(values)),
     "climbing": lambda values: all(low <= high for low, high in pairwise(values)),

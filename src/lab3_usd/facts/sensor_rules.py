@@ -91,8 +91,6 @@ def breaches(
             continue
         if rule.distinct:
             breaches = _too_many(place, [each.whole(name) for each in places for name in rule.of])
-        elif rule.or_else:
-            breaches = _neither_or_both(place)
         elif rule.holds:
             breaches = _unfulfilled(place, wrong)
         elif rule.entries is not None:
@@ -180,12 +178,6 @@ def _demands(place: _Place) -> Iterator[_Demand]:
     if rule.among:
         expected = " or ".join(display(one) for one in rule.among)
         yield _Demand(expected, (), partial(_is_among, rule.among))
-    if rule.total:
-        total = place.value(rule.total)
-        expected = f"{place.shown(rule.total)} together"
-        yield _Demand(
-            expected, place.named(rule.total), lambda value: sum(listed_entries(value)) == total
-        )
 
 
 def _each(holds: Callable[[Any, Any], bool], limit: Any, value: Any) -> bool:
@@ -245,27 +237,6 @@ def _too_many(place: _Place, names: list[str]) -> Iterator[Breach]:
         message = f"{names[0]} has {count} different values, expected at most {limit}"
         named = (*names, *place.named(place.rule.distinct))
         yield Breach(named, message, f"at most {most:g} different values", is_list=True)
-
-
-def _neither_or_both(place: _Place) -> Iterator[Breach]:
-    """Yield two groups of values of which not one alone is above 0, all of it."""
-    first, second = ([*map(place.whole, names)] for names in (place.rule.of, place.rule.or_else))
-    numbers = [[place.values.number(name) or 0.0 for name in names] for names in (first, second)]
-    is_one = any(
-        all(value > 0 for value in own) and not any(other)
-        for own, other in (numbers, numbers[::-1])
-    )
-    if not is_one:
-        told = [*map(_short, first)], [*map(_short, second)]
-        expected = f"{' and '.join(told[0])} above 0, or {' and '.join(told[1])}, the others 0"
-        said = [
-            f"{_short(name)} {value:g}"
-            for names, group in zip((first, second), numbers, strict=True)
-            for name, value in zip(names, group, strict=True)
-        ]
-        written = [name for name in (*first, *second) if name in place.values.written]
-        names = tuple(dict.fromkeys((*written, *first, *second)))
-        yield Breach(names, f"{', '.join(said)}: expected {expected}", expected)
 
 
 def _unfulfilled(place: _Place, wrong: set[str]) -> Iterator[Breach]:

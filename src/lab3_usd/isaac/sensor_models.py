@@ -41,13 +41,12 @@ class ValueRule(Struct, frozen=True, forbid_unknown_fields=True):
     """What the values of the attributes `of` must be, one by one and entry by entry.
 
     A limit is a number or an attribute, whose entries are the limits of entries. A value may be
-    above `most` by `spare`. `entries` is how
-    many a list has (`or_empty`: or none; `from_one`: no range counts as one). `distinct` is the
-    attribute with the most values that all instances together may have, `total` the one with the
-    sum. A value lies in the period of the rate `period_of` in ns, is `ordered` where none is less
-    than the one before, and is one of `among`, whatever its case. With `some`, an entry is true.
-    Either all of `of` are above 0 and all of `or_else` 0, or the other way. The formula `holds` is
-    true, in which each of `of` has the last part of its name (`facts.formulas`).
+    above `most` by `spare`. `entries` is how many a list has (`or_empty`: or none; `from_one`: no
+    range counts as one). `distinct` is the attribute with the most values that all instances
+    together may have. A value lies in the period of the rate `period_of` in ns, is `ordered` where
+    none is less than the one before, and is one of `among`, whatever its case. With `some`, an
+    entry is true. The formula `holds` is true, in which each of `of` has the last part of its name
+    (`facts.formulas`).
 
     It counts `when` attributes have these values, `when_above` these numbers, and `unless` one has
     a value. Where it is broken, the `model` does not start, no laser `scan` comes, or one without
@@ -76,9 +75,7 @@ class ValueRule(Struct, frozen=True, forbid_unknown_fields=True):
     ordered: bool = False
     some: bool = False
     distinct: str = ""
-    total: str = ""
     among: tuple[Any, ...] = ()
-    or_else: tuple[str, ...] = ()
     holds: str = ""
     ends: Ends = "model"
 
