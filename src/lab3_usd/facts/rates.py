@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from lab3_usd.facts.execution_order import event_of, run_states, signals
-from lab3_usd.facts.reaching_values import Nodes, effective_value, live_sources
-from lab3_usd.facts.render_products import sensor_of
+from lab3_usd.facts.reaching_values import Nodes, effective_value
+from lab3_usd.facts.render_products import sensor_shown
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.topics import PRODUCT
 from lab3_usd.model.stage import Node, StageModel
 
 _SKIPPED = "inputs:frameSkipCount"  # frames of the sensor that a helper leaves out after each
@@ -24,7 +23,7 @@ def rate_source(node: Node, stage: StageModel, running: Nodes, *, static: bool) 
     event = event if state == "runs" else f"perhaps {event}"
     if static:
         return f"once after {event}"
-    sensor = _camera_named(node, stage, running) or sensor_of(node, running)
+    sensor = sensor_shown(node, stage, running)
     prim = None if sensor is None else stage.prim(sensor)
     rate = 0.0  # for every frame
     if prim is not None:
@@ -32,19 +31,6 @@ def rate_source(node: Node, stage: StageModel, running: Nodes, *, static: bool) 
     skipped = effective_value(node, _SKIPPED, running)
     rate /= skipped + 1 if isinstance(skipped, int) and skipped > 0 else 1
     return f"sensor at {rate:g} Hz" if rate > 0 else event
-
-
-def _camera_named(node: Node, stage: StageModel, live: Nodes) -> str | None:
-    """Return the camera of a render product that is named and used as it is, None without one."""
-    written = None if node.sources(PRODUCT) else stage.products.get(str(node.value(PRODUCT)))
-    if written is not None:
-        return written.camera or None
-    for source, _ in live_sources(node, PRODUCT, live):
-        ports = None if source.type is None else source.type.product
-        named = () if ports is None else source.targets(ports.named)
-        if len(named) == 1 and named[0] in stage.products:
-            return stage.products[named[0]].camera or None
-    return None
 
 
 def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:

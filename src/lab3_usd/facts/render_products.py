@@ -87,12 +87,17 @@ def sensor_of(node: Node, live: Nodes) -> str | None:
     return None
 
 
+def sensor_shown(node: Node, stage: StageModel, live: Nodes) -> str | None:
+    """Return the path of the sensor of a node's product, also of one that is used as it is."""
+    shown = shown_by(node, PRODUCT, stage, live)
+    return sensor_of(node, live) if shown is None else shown.sensor
+
+
 def read_sensors(stage: StageModel) -> Iterator[tuple[Node, SensorOf, Prim]]:
     """Yield the nodes that publish a sensor of the scene, with what they ask of it and its prim."""
     live = live_nodes(stage)
     for node, needed in nodes_in(stage.platform.sensors, stage):
-        shown = shown_by(node, PRODUCT, stage, live)
-        prim = stage.prim((sensor_of(node, live) if shown is None else shown.sensor) or "")
+        prim = stage.prim(sensor_shown(node, stage, live) or "")
         if prim is not None:
             yield node, needed, prim
 

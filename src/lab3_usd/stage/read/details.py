@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 from pxr import Sdf
 
 from lab3_usd.isaac.values import Value
@@ -25,15 +27,13 @@ class StageDetails(Details):
 
     def fallback(self, path: str, name: str) -> Value | None:
         """Return what the schema of a prim gives an attribute that has no value."""
-        prim = prim_at(self._stage, path)
-        attribute = prim.GetAttribute(name) if prim else None
+        attribute = self._attribute(path, name)
         return plain_value(attribute.Get()) if attribute and attribute.HasFallbackValue() else None
 
     def is_file(self, path: str, name: str) -> bool:
         """Whether an attribute names a file."""
-        prim = prim_at(self._stage, path)
-        attribute = prim.GetAttribute(name) if prim else None
-        return attribute is not None and attribute.GetTypeName() == Sdf.ValueTypeNames.Asset
+        attribute = self._attribute(path, name)
+        return bool(attribute) and attribute.GetTypeName() == Sdf.ValueTypeNames.Asset
 
     def variant(self, path: str, variants: str) -> str:
         """Return which one of a prim's set of variants is selected, '' for none."""
@@ -42,14 +42,13 @@ class StageDetails(Details):
 
     def other_type(self, path: str, name: str, asked: str) -> tuple[str, str] | None:
         """Return the type that a layer gives an attribute, and the one in which it is read."""
-        prim = prim_at(self._stage, path)
-        attribute = prim.GetAttribute(name) if prim else None
+        attribute = self._attribute(path, name)
         stack = attribute.GetPropertyStack() if attribute else ()
         holding = (spec for spec in stack if isinstance(spec, Sdf.AttributeSpec))
         spec = next((spec for spec in holding if spec.HasInfo("default")), None)
         if spec is None:
             return None
-        declared = prim.GetPrimDefinition().GetSchemaAttributeSpec(name)
+        declared = attribute.GetPrim().GetPrimDefinition().GetSchemaAttributeSpec(name)
         wanted = Sdf.ValueTypeNames.Find(asked) if declared is None else declared.typeName
         written = spec.typeName
         is_text = {str(written.scalarType), str(wanted.scalarType)} <= _TEXTS
@@ -80,3 +79,7 @@ class StageDetails(Details):
         with quiet():  # USD takes a binding without its schema, and warns of it
             material, _ = UsdShade.MaterialBindingAPI(prim).ComputeBoundMaterial(purpose)
         return str(material.GetPath()) if material else ""
+
+    def _attribute(self, path: str, name: str) -> Any:
+        prim = prim_at(self._stage, path)
+        return prim.GetAttribute(name) if prim else None

@@ -116,23 +116,20 @@ def _referred(prim: Usd.Prim) -> Iterator[str]:
 
 
 class PrimIndex(Struct, frozen=True):
-    """The prims of a stage in the order of a traversal, and their numbers by type and schema.
+    """The prims of a stage in the order of a traversal, each with its type and its schemas.
 
-    `types` and `apis` are the type and the schemas of each.
+    Their numbers stand by type and schema.
     """
 
-    prims: list[Usd.Prim] = field(default_factory=list)
-    types: list[str] = field(default_factory=list)
-    apis: list[Sequence[str]] = field(default_factory=list)
+    prims: list[tuple[Usd.Prim, str, Sequence[str]]] = field(default_factory=list)
     by_type: defaultdict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
     by_api: defaultdict[str, list[int]] = field(default_factory=lambda: defaultdict(list))
 
     def add(self, prim: Usd.Prim, type_name: str, apis: Sequence[str]) -> None:
         """Add the next prim."""
         number = len(self.prims)
-        self.prims.append(prim)
-        self.types.append(type_name)
-        self.apis.append(apis or ())  # of most prims, so that no list is kept for each
+        # Of most prims, the schemas are none: no list is kept for each.
+        self.prims.append((prim, type_name, apis or ()))
         self.by_type[type_name].append(number)
         for api in apis:
             self.by_api[api].append(number)
@@ -149,7 +146,6 @@ class StagePrims(Prims):
         self._index = index
         self._by_name: defaultdict[str, list[int]] = defaultdict(list)
         self._known: dict[str, Prim] = {}
-        self._numbered: dict[int, Prim] = {}  # those of the index that are known
         self._answers: dict[tuple[int, NameFilter], list[Prim]] = {}  # by index and key
 
     def __getitem__(self, path: str) -> Prim:
@@ -177,7 +173,7 @@ class StagePrims(Prims):
 
     def __iter__(self) -> Iterator[str]:
         """Iterate over the paths."""
-        return (str(Usd.Prim.GetPath(prim)) for prim in self._index.prims)
+        return (str(Usd.Prim.GetPath(prim)) for prim, _, _ in self._index.prims)
 
     def __len__(self) -> int:
         """Count the prims."""
@@ -195,7 +191,7 @@ class StagePrims(Prims):
         """Return the prims whose own name is asked for."""
         if not self._by_name:
             with stage_errors(self._reader.name):
-                for number, prim in enumerate(self._index.prims):
+                for number, (prim, _, _) in enumerate(self._index.prims):
                     self._by_name[Usd.Prim.GetName(prim)].append(number)
         return self._chosen(self._by_name, name_filter)
 
@@ -255,16 +251,13 @@ class StagePrims(Prims):
             else:
                 numbers = sorted({n for key in index if name_filter(key) for n in index[key]})
             with stage_errors(self._reader.name):
-                prims = [self._numbered.get(number) or self._at(number) for number in numbers]
+                found = (self._index.prims[number] for number in numbers)
+                prims = [
+                    self._prim(prim, str(Usd.Prim.GetPath(prim)), kind, apis)
+                    for prim, kind, apis in found
+                ]
             self._answers[id(index), name_filter] = prims
         return prims
-
-    def _at(self, number: int) -> Prim:
-        index = self._index
-        prim, kind, apis = index.prims[number], index.types[number], index.apis[number]
-        model = self._prim(prim, str(Usd.Prim.GetPath(prim)), kind, apis)
-        self._numbered[number] = model
-        return model
 
 
 @quiet()
