@@ -81,9 +81,11 @@ class TfView(Struct, frozen=True, eq=False):
         frames = self.subject.lab.frames
         return edge.child in frames.guarded or frames.is_forbidden((edge.parent, edge.child))
 
+    @once_per_stage
     def trees(self) -> tuple[HeardTree, ...]:
         """Return the transforms, by listener, that no other rule finds fault with."""
-        return _open_trees(self)
+        edges = (edge for edge in all_edges(self.stage) if edge.cause not in self.elsewhere)
+        return trees_of(edge for edge in edges if _is_as_meant(edge, self))
 
     def is_asked(self, edge: Edge) -> bool:
         """Whether the lab asks for a transform, of the node that sends it."""
@@ -126,9 +128,11 @@ class TfView(Struct, frozen=True, eq=False):
             if node not in extra and is_right:
                 yield named
 
+    @once_per_stage
     def frames_in(self, domain: str) -> frozenset[str]:
         """Return the frames that are published in a domain, and those that the lab asks for."""
-        return _frames_or_asked(self, domain)
+        required = {frame for edge in self.subject.lab.frames.joined.edges for frame in edge}
+        return frames_in(self.stage, domain) | required
 
     def assumed(self, edges: Iterable[Edge]) -> tuple[Place, ...]:
         """Return the types of nodes without a role that send transforms: another may be meant."""
@@ -149,12 +153,6 @@ class TfView(Struct, frozen=True, eq=False):
 
 
 @once_per_stage
-def _frames_or_asked(view: TfView, domain: str) -> frozenset[str]:
-    required = {frame for edge in view.subject.lab.frames.joined.edges for frame in edge}
-    return frames_in(view.stage, domain) | required
-
-
-@once_per_stage
 def trees_of_nodes(view: TfView) -> Mapping[str, Sequence[HeardTree]]:
     """Map each node that makes or sends transforms to the trees that have some of its own."""
     sent: dict[str, list[HeardTree]] = {}
@@ -163,12 +161,6 @@ def trees_of_nodes(view: TfView) -> Mapping[str, Sequence[HeardTree]]:
         for path in dict.fromkeys(path for pair in ends for path in pair):
             sent.setdefault(path, []).append(heard)
     return sent
-
-
-@once_per_stage
-def _open_trees(view: TfView) -> tuple[HeardTree, ...]:
-    edges = (edge for edge in all_edges(view.stage) if edge.cause not in view.elsewhere)
-    return trees_of(edge for edge in edges if _is_as_meant(edge, view))
 
 
 def _is_as_meant(edge: Edge, view: TfView) -> bool:

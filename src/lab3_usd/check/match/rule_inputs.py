@@ -118,9 +118,10 @@ class StageSubject(Struct, frozen=True, eq=False):
         return self.lab.platform
 
     @property
+    @once_per_stage
     def robots(self) -> tuple[RobotSubject, ...]:
         """Return the stage for each of its robots."""
-        return _of_robots(self)
+        return tuple(_seen_by(self, robot) for robot in self.lab.scene.robots)
 
     @property
     def without_robot(self) -> RobotSubject:
@@ -139,11 +140,6 @@ class RobotSubject(StageSubject, frozen=True, eq=False, kw_only=True):
     """The whole stage, for one of the lab's robots."""
 
     robot: RobotSpec
-
-
-@once_per_stage
-def _of_robots(subject: StageSubject) -> tuple[RobotSubject, ...]:
-    return tuple(_seen_by(subject, robot) for robot in subject.lab.scene.robots)
 
 
 def _seen_by(subject: StageSubject, robot: RobotSpec) -> RobotSubject:
