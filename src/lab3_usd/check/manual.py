@@ -33,7 +33,7 @@ _MESSAGES = {  # what tells the topics that manuals name
     "map_topic": "nav_msgs/msg/OccupancyGrid",
 }
 # What manuals say where there is no lab, or the lab has no such thing.
-PLAIN: Mapping[str, str] = {
+PLAIN: dict[str, str] = {
     "robot": "/World/Robot",
     "base": "base_link",
     "link": "arm_link",
@@ -165,23 +165,24 @@ def _chosen(lab: Lab | None, choice: re.Match[str]) -> str:
 
 @lru_cache(maxsize=4)
 def _words(lab: Lab) -> Mapping[str, str]:
-    words = [*_of_robot(lab), *_of_sensors(lab), *_of_files(lab)]
+    parts = (*_of_robot(lab), *_of_sensors(lab), *_of_files(lab))
+    words = {name: word for name, word in parts if word}
     graphs = list(lab.graphs.values())
     for name, number in (("graph", 0), ("next_graph", 1)):
-        words.append((name, _at([graph.path for graph in graphs], number)))
-        words.append((f"{name}_name", _at([graph.name for graph in graphs], number)))
+        words[name] = _at([graph.path for graph in graphs], number)
+        words[f"{name}_name"] = _at([graph.name for graph in graphs], number)
     with_tree = (point.graphs for point in lab.checkpoints.values() if point.frames)
-    words.append(("tree_graph_name", _at(next(with_tree, tuple(lab.graphs)), len(graphs))))
+    words["tree_graph_name"] = _at(next(with_tree, tuple(lab.graphs)), len(graphs))
     for name, message in _MESSAGES.items():
         topics = (topic for topic, spec in lab.topics.items() if spec.type == message)
-        words.append((name, next(topics, "")))
+        words[name] = next(topics, "")
     published = [topic for topic, spec in lab.topics.items() if not spec.subscribed]
     received = [topic for topic, spec in lab.topics.items() if spec.subscribed]
-    words.append(("scan", dict(words)["scan"] or _at(published, 1) or _at(received, 0)))
-    words.append(("commands", dict(words)["commands"] or _at(received, 0)))
-    words.append(("isaac", "" if lab.platform.release == BASE else lab.platform.release))
-    words += [("root", lab.frames.root), ("above", lab.frames.above)]
-    return {**PLAIN, **{name: word for name, word in words if word}}
+    words["scan"] = words["scan"] or _at(published, 1) or _at(received, 0)
+    words["commands"] = words["commands"] or _at(received, 0)
+    words["isaac"] = "" if lab.platform.release == BASE else lab.platform.release
+    words |= {"root": lab.frames.root, "above": lab.frames.above}
+    return PLAIN | {name: word for name, word in words.items() if word}
 
 
 def _at(words: Sequence[str], number: int) -> str:

@@ -252,40 +252,25 @@ def unasked_value(subject: GraphSubject) -> Iterator[Problem]:
     for node, spec, port, value in _changed(subject):
         agrees = port.short in policy.stamp_reset.ports and value is False
         if port.short not in left and not agrees:
-            message = (
-                f"{port.name} is {display(value)}, the handout leaves it at {display(port.default)}"
-            )
-            section = dict(spec.keep).get(port.name, spec.handout)
             expected, actual = display(port.default), display(value)
-            fix = edits_at(subject, f"{node.path}.{port.name}")
-            yield Problem(
-                node.path,
-                message,
-                port.name,
-                expected,
-                actual,
-                section,
-                fix=fix,
-                assumes=((node.path, port.name),),
-            )
+            message = f"{port.name} is {actual}, the handout leaves it at {expected}"
+            section = dict(spec.keep).get(port.name, spec.handout)
+            problem = Problem(node.path, message, port.name, expected, actual, section)
+            yield _left_alone(problem, port.name, subject)
     for node, spec, name, prims in _aimed(subject):
-        message = f"{name} names {format_paths(prims)}, the handout leaves it empty"
         expected, actual = format_paths(()), format_paths(prims)
-        yield Problem(
-            node.path,
-            message,
-            name,
-            expected,
-            actual,
-            spec.handout,
-            fix=edits_at(subject, f"{node.path}.{name}"),
-            assumes=((node.path, name),),
-        )
+        message = f"{name} names {actual}, the handout leaves it empty"
+        problem = Problem(node.path, message, name, expected, actual, spec.handout)
+        yield _left_alone(problem, name, subject)
 
 
-def _aimed(
-    subject: GraphSubject,
-) -> Iterator[tuple[Node, NodeSpec, str, tuple[str, ...]]]:
+def _left_alone(problem: Problem, name: str, subject: GraphSubject) -> Problem:
+    """Return a problem of an input that the handout leaves alone, which another one explains."""
+    fix = edits_at(subject, f"{problem.prim}.{name}")
+    return replace(problem, fix=fix, assumes=((problem.prim, name),))
+
+
+def _aimed(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec, str, tuple[str, ...]]]:
     """Yield the relationships that the handout leaves empty and that name prims of the student.
 
     A node that does by itself what a missing node should do for it is reported as the missing node.

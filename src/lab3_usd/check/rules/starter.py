@@ -21,7 +21,7 @@ from lab3_usd.model.changes import (
     Restore,
     StarterSubject,
 )
-from lab3_usd.model.finding import Problem, Severity
+from lab3_usd.model.finding import Problem
 from lab3_usd.model.traction import BINDING
 
 _MISSING = "missing"  # and not deactivated, or an over
@@ -52,7 +52,7 @@ def starter_prim_missing(subject: StarterSubject) -> Iterator[Problem]:
             expected=change.type or None,
             actual=change.absent,
             handout=subject.rules.handout,
-            severity=_severity(physics=change.physics),
+            severity="error" if change.physics else "warning",
             fix=(repair,) if change.prim in subject.supplied else (),
         )
 
@@ -152,7 +152,7 @@ def _changed_prims(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
             continue
         named = "; ".join(_difference_text(difference) for difference in left[:_SHOWN])
         more = f"; and {len(left) - _SHOWN} more" if len(left) > _SHOWN else ""
-        first = left[0]
+        first, physics = left[0], any(difference.physics for difference in left)
         yield Problem(
             change.prim,
             f"not as in the starter: {named}{more}",
@@ -160,7 +160,7 @@ def _changed_prims(subject: StarterSubject, kind: Kind) -> Iterator[Problem]:
             first.was,
             first.now,
             subject.rules.handout,
-            severity=_severity(physics=any(difference.physics for difference in left)),
+            severity="error" if physics else "warning",
             fix=_repair(change.prim, first, subject),
             unmet=tuple(_unmet(change.prim, left, subject)),
         )
@@ -204,10 +204,6 @@ def _difference_text(difference: Difference) -> str:
     if difference.now == difference.was:
         return f"{difference.property} was changed"
     return f"{difference.property} is {difference.now}, was {difference.was}"
-
-
-def _severity(*, physics: bool) -> Severity:
-    return "error" if physics else "warning"
 
 
 def _unreported(change: Change, subject: StarterSubject) -> list[Difference]:

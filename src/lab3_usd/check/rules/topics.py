@@ -59,6 +59,16 @@ def _heard(endpoint: Endpoint, subject: StageSubject) -> tuple[str | None, str]:
     return endpoint.topic, domain_name(endpoint.domain, subject)
 
 
+def _taken(subject: StageSubject) -> dict[tuple[str | None, str], str]:
+    """Map what the nodes of the lab subscribe to, to the node."""
+    played = role_specs(subject)
+    return {
+        _heard(endpoint, subject): endpoint.node.path
+        for endpoint in endpoints(subject.stage)
+        if endpoint.topic and endpoint.direction == "subscribes" and endpoint.node.path in played
+    }
+
+
 @rule("Q05", "second-subscriber", scope="stage", severity="warning", formerly="topic-taken-twice")
 def second_subscriber(subject: StageSubject) -> Iterator[Problem]:
     """A second graph subscribes to a topic.
@@ -70,16 +80,14 @@ def second_subscriber(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `/Graph/Copy` subscribes to `{commands}` beside the graph of the lab.
     """
-    played = role_specs(subject)
-    takers = [e for e in endpoints(subject.stage) if e.direction == "subscribes"]
-    taken = {_heard(e, subject): e.node.path for e in takers if e.topic and e.node.path in played}
+    taken = _taken(subject)
     lab_graphs = {roles.graph.path for roles in subject.roles.values() if roles.graph}
     commanders = (node for robot in subject.robots for node, _ in second_commanders(robot))
     lab_graphs |= {node.path.rpartition("/")[0] for node in commanders}
-    for endpoint in takers:
-        path = endpoint.node.path
-        heard = _heard(endpoint, subject)
-        if endpoint.runs and heard in taken and path.rpartition("/")[0] not in lab_graphs:
+    for endpoint in endpoints(subject.stage):
+        path, heard = endpoint.node.path, _heard(endpoint, subject)
+        is_taker = endpoint.runs and endpoint.direction == "subscribes"
+        if is_taker and heard in taken and path.rpartition("/")[0] not in lab_graphs:
             yield Problem(
                 path,
                 f"also subscribes to {endpoint.topic}, which a node of the lab does",
@@ -107,14 +115,8 @@ def command_topic_published(subject: StageSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Publisher publishes on `{commands}`.
     """
-    played = role_specs(subject)
-    every_endpoint = endpoints(subject.stage)
-    taken = {
-        _heard(endpoint, subject): endpoint.node.path
-        for endpoint in every_endpoint
-        if endpoint.topic and endpoint.direction == "subscribes" and endpoint.node.path in played
-    }
-    for endpoint in every_endpoint:
+    taken = _taken(subject)
+    for endpoint in endpoints(subject.stage):
         taker = taken.get(_heard(endpoint, subject))
         if endpoint.runs and endpoint.direction == "publishes" and taker is not None:
             yield Problem(
