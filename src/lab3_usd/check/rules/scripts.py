@@ -4,6 +4,8 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
+from msgspec.structs import replace
+
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.any_wire import leaves_out, lost_port
@@ -100,22 +102,22 @@ def unknown_node(subject: LintSubject) -> Iterator[Problem]:
                 f"'{fault.name}' is a short name of another call ({fault.earlier}), which this "
                 f"one does not know: the script stops here"
             )
-            yield Problem(
-                fault.prim, message, expected=fault.prim, actual=fault.name, span=fault.at
-            )
+            yield _problem(fault, message, fault.prim)
             continue
         yield _unknown_name(fault, f"names no node of {fault.prim}")
 
 
+def _problem(
+    fault: BuildFault, message: str, expected: str | None = None, identity: str | None = None
+) -> Problem:
+    """Return what a script has wrong, at its place in the script."""
+    prim, actual = fault.prim, fault.name
+    return Problem(prim, message, None, expected, actual, span=fault.at, identity=identity)
+
+
 def _unknown_name(fault: BuildFault, problem: str) -> Problem:
-    return Problem(
-        fault.prim,
-        f"'{fault.name}' {problem}: the script stops here{did_you_mean(fault.meant)}",
-        expected=fault.meant or None,
-        actual=fault.name,
-        span=fault.at,
-        identity=fault.name,
-    )
+    message = f"'{fault.name}' {problem}: the script stops here{did_you_mean(fault.meant)}"
+    return _problem(fault, message, fault.meant or None, fault.name)
 
 
 @rule("B03", "unknown-command", scope="script")
@@ -132,12 +134,8 @@ def unknown_command(subject: LintSubject) -> Iterator[Problem]:
     """
     for fault in _faults(subject, "unknown-key", "no-graph-path"):
         if fault.kind == "no-graph-path":
-            yield Problem(
-                "/",
-                "the graph has no graph_path: the script stops here",
-                expected="graph_path",
-                span=fault.at,
-            )
+            message = "the graph has no graph_path: the script stops here"
+            yield Problem("/", message, expected="graph_path", span=fault.at)
             continue
         yield _unknown_name(fault, "is not a command of an edit")
 
@@ -153,12 +151,8 @@ def node_made_twice(subject: LintSubject) -> Iterator[Problem]:
     Example: two entries of CREATE_NODES are called `"Context"`.
     """
     for fault in _faults(subject, "node-twice"):
-        yield Problem(
-            fault.prim,
-            f"{fault.name} was already created in {fault.earlier}: the script stops here",
-            actual=fault.name,
-            span=fault.at,
-        )
+        message = f"{fault.name} was already created in {fault.earlier}: the script stops here"
+        yield _problem(fault, message)
 
 
 @rule("B05", "element-not-created", scope="script")
@@ -205,14 +199,8 @@ def key_twice(subject: LintSubject) -> Iterator[Problem]:
     Example: two entries `keys.CONNECT` in one call.
     """
     for fault in _faults(subject, "key-twice"):
-        yield Problem(
-            fault.prim,
-            f"{fault.name.upper()} is given again further down, and the list here is lost",
-            expected="one list",
-            actual=fault.name,
-            span=fault.at,
-            identity=f"{fault.prim} {fault.name}",
-        )
+        message = f"{fault.name.upper()} is given again further down, and the list here is lost"
+        yield _problem(fault, message, "one list", f"{fault.prim} {fault.name}")
 
 
 @rule("B07", "not-a-list", scope="script")
@@ -230,24 +218,13 @@ def not_a_list(subject: LintSubject) -> Iterator[Problem]:
     """
     for fault in _faults(subject, "not-a-list", "no-port-name"):
         if fault.kind == "no-port-name":
-            yield Problem(
-                fault.prim,
-                f"'{fault.name}' names no port: the script stops here",
-                expected="the name of a node and a port, as in Node.inputs:port",
-                actual=fault.name,
-                span=fault.at,
-                identity=fault.name,
-            )
+            expected = "the name of a node and a port, as in Node.inputs:port"
+            message = f"'{fault.name}' names no port: the script stops here"
+            yield _problem(fault, message, expected, fault.name)
             continue
-        yield Problem(
-            fault.prim,
-            f"{fault.name.upper()} is given a {fault.meant}, expected a list: the script stops "
-            "here",
-            expected="a list",
-            actual=fault.meant,
-            span=fault.at,
-            identity=fault.name,
-        )
+        message = f"{fault.name.upper()} is given a {fault.meant}, expected a list"
+        problem = _problem(fault, f"{message}: the script stops here", "a list", fault.name)
+        yield replace(problem, actual=fault.meant)
 
 
 @rule("B08", "silent-target", scope="script")
