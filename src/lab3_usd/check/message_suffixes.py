@@ -82,9 +82,13 @@ def without_wire(subject: GraphSubject, wire: Wire | None) -> str:
 
 def with_setting(subject: GraphSubject, role: str, setting: Setting, value: Value | None) -> str:
     """Return how to end the message about a wrong value: '' where it makes a difference."""
+    return _harmless(subject) if is_idle_choice(subject, role, setting, value) else ""
+
+
+def is_idle_choice(subject: GraphSubject, role: str, setting: Setting, value: Value | None) -> bool:
+    """Whether a value is another choice of a node that gives on what comes in by each of them."""
     port = subject.spec.nodes[role].type.port(setting.port)
-    is_choice = port is not None and value in port.allowed
-    return _harmless(subject) if is_choice and _unchanged(subject, role) else ""
+    return port is not None and value in port.allowed and _unchanged(subject, role)
 
 
 def _harmless(subject: GraphSubject) -> str:

@@ -26,6 +26,7 @@ from lab3_usd.check.match.conformance import (
     target_matches,
 )
 from lab3_usd.check.match.rule_inputs import GraphSubject, StageSubject
+from lab3_usd.check.message_suffixes import is_idle_choice
 from lab3_usd.check.registry import TF, Demand, Demands, frame_places, in_tree, scene_demands
 from lab3_usd.check.repairs import TYPE
 from lab3_usd.check.robot.location import relocated_path
@@ -33,7 +34,7 @@ from lab3_usd.check.robot.sensors import sensor_group
 from lab3_usd.facts.tree import tree_of
 from lab3_usd.model.finding import Finding, Requirement, display, role_title
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import GraphModel, Node, once_per_stage, same_value
+from lab3_usd.model.stage import GraphModel, Node, once_per_stage
 from lab3_usd.spec.graph import GraphSpec, Setting, Target, Variable, Wire
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import SCENE_GROUP
@@ -157,19 +158,14 @@ def _is_slight(subject: GraphSubject, judged: Found) -> bool:
     A number is so near that a dry run finds its effect right, even beside that of another. Each
     conversion between metres and the unit of the stage leaves metres as they are.
     """
-    kind, value, wanted = judged.node.type, judged.value, judged.setting.value
-    if kind is None:
+    value, wanted = judged.value, judged.setting.value
+    if not isinstance(wanted, float):
+        return is_idle_choice(subject, judged.spec.role, judged.setting, value)
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
         return False
-    if isinstance(wanted, float):
-        if isinstance(value, bool) or not isinstance(value, (int, float)):
-            return False
-        from lab3_usd.model.dry_run import FOLLOWS
+    from lab3_usd.model.dry_run import FOLLOWS
 
-        return math.isclose(value, wanted, rel_tol=FOLLOWS / 2)
-    port = kind.port(judged.setting.port)
-    is_in_metres = same_value(subject.stage.meters_per_unit, 1.0)
-    keeps = is_in_metres and bool(kind.same_in_metres)
-    return keeps and port is not None and value in port.allowed
+    return math.isclose(value, wanted, rel_tol=FOLLOWS / 2)
 
 
 def demands_of(lab: Lab, checkpoint: Checkpoint) -> tuple[Demand, ...]:
