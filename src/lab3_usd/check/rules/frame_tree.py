@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator, Mapping
 
 from msgspec import Struct
+from msgspec.structs import replace
 
 from lab3_usd.check.lab_frames import TfView
 from lab3_usd.check.match.rule_inputs import StageSubject
@@ -121,24 +122,23 @@ def _asked(placement: _Placement, view: TfView) -> tuple[str, str | None]:
 
 def _placed(placement: _Placement, view: TfView) -> Problem:
     frames = view.subject.lab.frames
-    parent = "an unknown frame" if placement.parent is None else placement.parent
-    expected, hint = _asked(placement, view)
     localization = frames.localization
     is_localized = localization is not None and placement.child == localization.edge[1]
     may = f"only {localization.by} may" if localization and is_localized else "nothing may"
     what = f"place '{placement.child}'" if placement.child in frames.guarded else "publish it"
-    may += f" {what}"
-    return Problem(
-        placement.node,
-        f"publishes {parent} -> {placement.child}{placement.unheard}; {may}",
-        property=placement.port,
-        expected=expected,
-        actual=f"{parent} -> {placement.child}",
-        handout=frames.guarded.get(placement.child) or _handout_of_names(frames),
-        hint=hint,
-        fix=removal_or_repair(view.subject, placement.node, placement.port),
-        covers=frame_places(placement.child),
-    )
+    handout = frames.guarded.get(placement.child) or _handout_of_names(frames)
+    problem = _published(placement, f"{placement.unheard}; {may} {what}", handout, view)
+    return replace(problem, covers=frame_places(placement.child))
+
+
+def _published(placement: _Placement, end: str, handout: str, view: TfView) -> Problem:
+    """Return that a node publishes a transform, with the end of the message."""
+    parent = "an unknown frame" if placement.parent is None else placement.parent
+    actual, (expected, hint) = f"{parent} -> {placement.child}", _asked(placement, view)
+    site, name = placement.node, placement.port
+    fix = removal_or_repair(view.subject, site, name)
+    message = f"publishes {actual}{end}"
+    return Problem(site, message, name, expected, actual, handout, hint=hint, fix=fix)
 
 
 def _is_forbidden_name(path: str, subject: StageSubject) -> bool:
@@ -201,17 +201,7 @@ def competes_with_localization(view: TfView) -> Iterator[Problem]:
     localization = subject.lab.frames.localization
     if localization is None:
         return
-    (parent, child), by = localization.edge, localization.by
     for placement in _placements(view):
         if _competes(placement, subject.lab.frames):
-            expected, hint = _asked(placement, view)
-            yield Problem(
-                placement.node,
-                f"publishes {parent} -> {child}, which {by} publishes",
-                property=placement.port,
-                expected=expected,
-                actual=f"{parent} -> {child}",
-                handout=localization.handout,
-                hint=hint,
-                fix=removal_or_repair(subject, placement.node, placement.port),
-            )
+            end = f", which {localization.by} publishes"
+            yield _published(placement, end, localization.handout, view)
