@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
+from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.ground import (
     AXIS,
     UP,
@@ -98,69 +99,57 @@ def ground(subject: RobotSubject) -> Iterator[Problem]:
     if part is None:
         return
     asset = _missing_environment(subject)
-    if has_ground(subject):
-        for wrong in one_sided(subject, part.usual):
-            yield replace(wrong, handout=part.handout, unmet=(_GROUND,), rests_on=asset)
-        return
-    falling = falling_ground(subject)
+    wrong = one_sided(subject, part.usual) if has_ground(subject) else _useless(subject, part)
+    for problem in wrong:
+        yield replace(problem, handout=part.handout, unmet=(_GROUND,), rests_on=asset)
+
+
+def _useless(subject: RobotSubject, part: WorldPart) -> Iterator[Problem]:
+    """Yield why nothing fixed carries the robot."""
+    falling, silent = falling_ground(subject), _silent_ground(subject)
     steep = next(steep_planes(subject), None)
-    silent = _silent_ground(subject)
+    what = "the ground does not carry the robot"
     if falling is not None:
         plane, body = falling
         falls = f"falls with {body.name}, which is" if body != plane else "falls as"
         yield Problem(
             body.path,
-            f"the ground does not carry the robot: {plane.name} {falls} a rigid body",
+            f"{what}: {plane.name} {falls} a rigid body",
             BODY_ENABLED,
             "no rigid body",
             BODY_API,
-            part.handout,
             related=tuple(sorted({part.usual, plane.path} - {body.path})),
             hint=f"remove Rigid Body from {body.name} in the Property panel",
             fix=(RemoveSchema(body.path, BODY_API),),
-            unmet=(_GROUND,),
-            rests_on=asset,
         )
     elif steep is not None:
         faces, up = vector_text(facing(steep) or up_of(subject)), vector_text(up_of(subject))
         is_turned = steep.attributes.get(AXIS, "Z") == "Z"
         name = pose_property(steep, "rotate") if is_turned else AXIS
-        yield Problem(
-            steep.path,
-            f"the ground does not carry the robot: {steep.name} faces {faces}, expected {up}",
-            name,
-            up,
-            faces,
-            part.handout,
-            related=(part.usual,),
-            hint=f"turn {steep.name}, or the prim that holds it, so that its front faces up",
-            fix=(Restore(steep.path, name),),
-            unmet=(_GROUND,),
-            rests_on=asset,
-        )
+        message = f"{what}: {steep.name} faces {faces}, expected {up}"
+        hint = f"turn {steep.name}, or the prim that holds it, so that its front faces up"
+        problem = Problem(steep.path, message, name, up, faces, hint=hint)
+        yield restorable(problem, part.handout, related=(part.usual,))
     elif silent is not None:
         has_api = COLLISION_API in silent.apis
-        what = "is disabled" if has_api else "was removed"
-        message = f"the ground does not carry the robot: the collision of {silent.name} {what}"
-        restored = Restore(silent.path, COLLISION_ENABLED)
+        state = "is disabled" if has_api else "was removed"
+        message = f"{what}: the collision of {silent.name} {state}"
+        site, schema = (silent.path, COLLISION_ENABLED), (silent.path, COLLISION_API)
         yield Problem(
             silent.path,
             message,
             COLLISION_ENABLED,
-            expected="True" if has_api else COLLISION_API,
-            handout=part.handout,
+            "True" if has_api else COLLISION_API,
             related=(part.usual,),
-            fix=(restored if has_api else ApplySchema(silent.path, COLLISION_API),),
-            unmet=(_GROUND,),
-            assumes=((silent.path, COLLISION_ENABLED), (silent.path, COLLISION_API)),
-            covers=((silent.path, COLLISION_API),),
-            rests_on=asset,
+            fix=(Restore(*site) if has_api else ApplySchema(*schema),),
+            assumes=(site, schema),
+            covers=(schema,),
         )
     else:
         planes = subject.stage.of_type(PLANE)
-        lost = _missing(subject, part, "a ground with collision", planes, _GROUND)
-        schema = ((lost.prim, COLLISION_API),)
-        yield replace(lost, assumes=schema, covers=schema)
+        lost = _missing(subject, part, "a ground with collision", planes)
+        schema = (lost.prim, COLLISION_API)
+        yield replace(lost, assumes=(schema,), covers=(schema,))
 
 
 def _silent_ground(subject: RobotSubject) -> Prim | None:
