@@ -11,7 +11,7 @@ from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.axles import rest_frames, welds
 from lab3_usd.check.robot.ground import UP
-from lab3_usd.check.robot.wheels import has_no_joints, unknown_joints, wheel_joints
+from lab3_usd.check.robot.wheels import has_no_joints, link_of, unknown_joints, wheel_joints
 from lab3_usd.check.rules.world import at_rest
 from lab3_usd.facts.articulations import cut_off
 from lab3_usd.model.changes import ApplySchema, ClearValue, RemovePrim, RemoveSchema, Restore
@@ -157,22 +157,21 @@ def loose_link(subject: RobotSubject) -> Iterator[Problem]:
     """
     robot = subject.robot
     turned = robot.turned_links
-    links = list(robot.link_paths)
-    present = [path for path in links if subject.stage.prim(path) is not None]
+    present = [path for path in robot.link_paths if subject.stage.prim(path) is not None]
     base = robot.base
     if has_no_joints(subject) or base not in present:
         return
     if unknown_joints(subject):  # then only what a joint let go of is known to be loose
-        present = [base, *(path for path in present if path in _let_go(subject, links))]
-    groups = _groups(subject, links)
+        present = [base, *(path for path in present if path in _let_go(subject))]
+    groups = _groups(subject)
     # A link that is held by the world is S21's.
     holding = [*_holds(subject)]
     held = [bodies(joint)[side] for joint, side, asset in holding if asset is None]
     by_world = [bodies(joint)[side] for joint, side, _ in holding if _may_hold(joint)]
-    is_bolted = groups[base] in {groups[_link_of(body, links)] for body in by_world}
+    is_bolted = groups[base] in {groups[link_of(body, robot) or body] for body in by_world}
     if _is_to_stand(subject) and not is_bolted:
         yield _not_bolted(subject, base, robot.links[robot.base_frame].handout)
-    judged = [groups[base], *(groups[_link_of(body, links)] for body in held)]
+    judged = [groups[base], *(groups[link_of(body, robot) or body] for body in held)]
     for name, link in robot.links.items():
         path = robot.path_of(name)
         if path in present and name not in turned and groups[path] not in judged:
@@ -342,30 +341,24 @@ def _switched_off(subject: RobotSubject, link: str) -> tuple[str, ...]:
     return tuple(prim.path for prim in off if any(is_at_or_below(b, link) for b in bodies(prim)))
 
 
-def _let_go(subject: RobotSubject, links: list[str]) -> list[str]:
+def _let_go(subject: RobotSubject) -> list[str]:
     """Return the links that joints of the file name which are switched off or deactivated."""
     return [
-        _link_of(body, links)
+        link_of(body, subject.robot) or body
         for prim in subject.stage.of_type(lambda name: not name or is_joint_type(name))
         if not prim.present or is_switched_off(prim, JOINT_ENABLED)
         for body in bodies(prim)
     ]
 
 
-def _groups(subject: RobotSubject, links: list[str]) -> dict[str, str]:
+def _groups(subject: RobotSubject) -> dict[str, str]:
     """Map each link and body to one name for all that joints tie together."""
-    group = {link: link for link in links}
+    robot = subject.robot
+    group = {link: link for link in robot.link_paths}
     for joint in joints(subject.stage):
-        ends = [_link_of(body, links) for body in bodies(joint) if body]
+        ends = [(link_of(body, robot) or body) for body in bodies(joint) if body]
         names = {group.setdefault(end, end) for end in ends}
         if len(names) > 1:
             first = min(names)
             group = {body: first if name in names else name for body, name in group.items()}
     return group
-
-
-def _link_of(body: str, links: list[str]) -> str:
-    """Return the link that a joint's target moves with."""
-    if body in links:  # as most joints name it
-        return body
-    return max((link for link in links if is_at_or_below(body, link)), key=len, default=body)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
-from typing import Any
 
 from pxr import Usd
 
@@ -18,6 +17,7 @@ from lab3_usd.stage.compare.pairs import (
     RawDifference,
     raw_differences,
     signature,
+    value_of,
 )
 from lab3_usd.stage.compare.value_terms import (
     Class,
@@ -190,7 +190,7 @@ def _added_differences(
     prim = was.prim
     is_robots = is_on_robot(was.path, terms)
     # Nothing moves what is no body, or is held still.
-    is_still = still_by({name: _value(twin, name) for name in _SWITCHES}) != ""
+    is_still = still_by({name: value_of(twin, name) for name in _SWITCHES}) != ""
     is_still = is_still or terms.rules.body not in applied_schemas(twin)
     idle = () if is_robots or not is_still else (terms.rules.body, *_SWITCHES)
     is_judged = is_robots or is_physical(prim, terms.rules)
@@ -301,25 +301,20 @@ def _acts(prim: Usd.Prim, kind: str, terms: Terms) -> bool:
     """Whether the prim filters collisions, joins the robot, or is a shape or body of it."""
     if kind == "PhysicsCollisionGroup":
         targets = _targets(prim, "physics:filteredGroups")
-        return bool(targets) or _value(prim, "physics:invertFilteredGroups") is True
+        return bool(targets) or value_of(prim, "physics:invertFilteredGroups") is True
     if kind.endswith("Joint"):
-        is_on = _value(prim, "physics:jointEnabled") is not False
+        is_on = value_of(prim, "physics:jointEnabled") is not False
         return is_on and any(
             _is_robots(target, terms) for name in _ENDS for target in _targets(prim, name)
         )
     if not _is_robots(str(Usd.Prim.GetPath(prim)), terms):
         return False
     is_acting = any(api.startswith(terms.rules.acting) for api in applied_schemas(prim))
-    return is_acting and _value(prim, "physics:collisionEnabled") is not False
+    return is_acting and value_of(prim, "physics:collisionEnabled") is not False
 
 
 def _is_robots(path: str, terms: Terms) -> bool:
     return any(path.startswith(f"{root}/") for root in terms.roots)
-
-
-def _value(prim: Usd.Prim, name: str) -> Any:
-    attribute = prim.GetAttribute(name)
-    return attribute.Get() if attribute else None
 
 
 def _targets(prim: Usd.Prim, name: str) -> list[str]:

@@ -230,7 +230,7 @@ def _property_differences(
     """Yield what differs of properties where the second prim does not write the same ones."""
     for name in was.names:
         if name in was.values:
-            difference = RawDifference("value", name, was.values[name], _value(now, name))
+            difference = RawDifference("value", name, was.values[name], value_of(now, name))
         else:
             targets = targets_of(now.GetRelationship(name))
             difference = RawDifference("targets", name, was.targets[name], targets)
@@ -246,9 +246,10 @@ def _new_property(was: Usd.Prim, now: Usd.Prim, name: str) -> RawDifference:
     if relationship:
         targets = targets_of(was.GetRelationship(name))
         return RawDifference("targets", name, targets, targets_of(relationship), is_new=True)
-    return RawDifference("value", name, _value(was, name), _value(now, name), is_new=True)
+    return RawDifference("value", name, value_of(was, name), value_of(now, name), is_new=True)
 
 
-def _value(prim: Usd.Prim, name: str) -> Any:
+def value_of(prim: Usd.Prim, name: str) -> Any:
+    """Return the value of an attribute, None where it has none."""
     attribute = Usd.Prim.GetAttribute(prim, name)
     return attribute.Get() if attribute else None
