@@ -12,8 +12,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.ground import boxes, has_ground, lights, planes
-from lab3_usd.check.robot.sensors import CAMERA, LIDAR
-from lab3_usd.check.robot.surroundings import enclosing
+from lab3_usd.check.robot.sensors import CAMERA, LIDAR, enclosing
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, is_known_type
 from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint

@@ -14,8 +14,7 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
 from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.poses import units_of
-from lab3_usd.check.robot.sensors import LIDAR, second_lidars, sensor_group
-from lab3_usd.check.robot.surroundings import blind_range, place_of
+from lab3_usd.check.robot.sensors import LIDAR, blind_range, place_of, second_lidars, sensor_group
 from lab3_usd.check.rules.sensor_values import refused_values
 from lab3_usd.check.rules.sensors import (
     PresentSensor,

@@ -26,6 +26,7 @@ from lab3_usd.check.robot.sensors import (
     OTHER,
     SensorLocation,
     candidate_transforms,
+    enclosing,
     find_sensor,
     judging_kind,
     later_sensors,
@@ -34,7 +35,6 @@ from lab3_usd.check.robot.sensors import (
     sensor_group,
     sensors_of,
 )
-from lab3_usd.check.robot.surroundings import enclosing
 from lab3_usd.check.rules.graphs import with_missing_graphs
 from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, display

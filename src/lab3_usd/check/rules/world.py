@@ -34,7 +34,7 @@ from lab3_usd.check.robot.poses import (
     pose_property,
     root_tolerance,
 )
-from lab3_usd.check.robot.surroundings import darkened, shares_of
+from lab3_usd.check.robot.sensors import darkened, shares_of
 from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import (
