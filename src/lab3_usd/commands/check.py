@@ -23,10 +23,9 @@ from lab3_usd.commands.shared.configuration import (
 )
 from lab3_usd.commands.shared.options import (
     ReportOptions,
-    RuleOptions,
     ViewOptions,
     assets_option,
-    complete_checkpoints,
+    checkpoint_option,
     native_option,
     recorded,
     refuse_options,
@@ -62,12 +61,7 @@ class CheckOptions(Struct, frozen=True):
 
 @click.command("check")
 @click.argument("paths", nargs=-1, required=True, type=Input())
-@click.option(
-    "--checkpoint",
-    metavar="NN",
-    shell_complete=complete_checkpoints,
-    help="Check for this checkpoint, regardless of the name.",
-)
+@checkpoint_option("Check for this checkpoint, regardless of the name.")
 @click.option("--starter", type=Input(), help="The supplied starter, to compare with.")
 @click.option("--maps", type=MapInput(), help="Folder that holds the map files.")
 @click.option("--sim", is_flag=True, help="Also simulate each stage; its failed checks are notes.")
@@ -91,9 +85,7 @@ class CheckOptions(Struct, frozen=True):
 @recorded("asked", CheckOptions)
 def command(
     paths: tuple[str, ...],
-    assets: tuple[str, ...],
     asked: CheckOptions,
-    rules: RuleOptions,
     report: ReportOptions,
     configuration: ConfigOptions,
     view: ViewOptions,
@@ -111,7 +103,7 @@ def command(
     if asked.untrusted:
         _refuse_trust(asked, report, configuration, view)
         configuration = replace(configuration, isolated=True)
-    config = configured(paths, configuration, rules, assets)
+    config = configured(paths, configuration)
     judged = unexcluded(paths, config) if asked.force_exclude else paths
     asked = replace(
         asked,
@@ -125,7 +117,7 @@ def command(
     refuse_unusable((*paths, *shared), report)
     reporting = Reporting(report, view, config, asked.starter, plays=asked.sim)
     if asked.untrusted:
-        judge = _untrusting_judge(asked.starter, assets)
+        judge = _untrusting_judge(asked.starter, configuration.assets)
     else:
         judge = _judge(shared, asked, reporting)
     sys.exit(judge_and_report(judged, judge, reporting))

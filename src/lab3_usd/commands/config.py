@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from lab3_usd.commands.shared.configuration import ConfigOptions, config_options
+from lab3_usd.commands.shared.configuration import config_file_options, configuration_of
 from lab3_usd.commands.shared.paths import Input
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
@@ -32,22 +32,16 @@ _DEFAULTS = {
 
 @click.command("config")
 @click.argument("path", default=".", type=Input(path_type=Path))
-@config_options
-def command(path: Path, configuration: ConfigOptions) -> None:
+@config_file_options
+def command(path: Path, config_file: str | None, *, isolated: bool) -> None:
     """Print the configuration with which PATH is checked, and the source of each value.
 
     It is the nearest .lab3.toml, lab3.toml, or pyproject.toml with a table [tool.lab3], in the
     folder of PATH or above it.
     """
-    from lab3_usd.config.settings import Config, config_for, load_config
-
     if not path.exists():
         raise UsageError(f"{path}: there is no such file or folder")
-    file = configuration.config_file
-    if configuration.isolated:
-        config = Config()
-    else:
-        config = load_config(Path(file)) if file else config_for([str(path)])
+    config = configuration_of([str(path)], config_file, isolated=isolated)
     click.echo(f"configuration: {config.file or 'none'}")
     for key, default in _DEFAULTS.items():
         text, source = default, "(default)"

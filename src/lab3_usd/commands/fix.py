@@ -19,15 +19,14 @@ from lab3_usd.commands.shared.configuration import (
     path_text,
 )
 from lab3_usd.commands.shared.options import (
-    RuleOptions,
     assets_option,
     checkpoint_number,
-    complete_checkpoints,
-    complete_releases,
+    checkpoint_option,
     echo_folded,
     given_words,
     lab_words,
     recorded,
+    release_option,
     rules_options,
 )
 from lab3_usd.commands.shared.paths import Input
@@ -239,27 +238,14 @@ def _line(finding: Finding) -> str:
 
 @click.command("fix")
 @click.argument("paths", nargs=-1, required=True, metavar="STAGE...", type=Input())
-@click.option(
-    "--checkpoint",
-    metavar="NN",
-    shell_complete=complete_checkpoints,
-    help="Check for this checkpoint, regardless of the name.",
-)
+@checkpoint_option("Check for this checkpoint, regardless of the name.")
 @click.option("--starter", type=Input(), help="Restore missing parts from this starter.")
 @click.option("--lint", is_flag=True, help="Repair the findings of lab3 lint.")
-@click.option(
-    "--isaac",
-    "release",
-    metavar="RELEASE",
-    shell_complete=complete_releases,
-    help="With --lint: check for this release of Isaac Sim.",
-)
-@click.option(
+@release_option("--isaac", "release", "With --lint: check for this release of Isaac Sim.")
+@release_option(
     "--from",
     "moved_from",
-    metavar="RELEASE",
-    shell_complete=complete_releases,
-    help="With --lint: also repair what differs in this release, from which the stage comes.",
+    "With --lint: also repair what differs in this release, from which the stage comes.",
 )
 @click.option(
     "--unsafe",
@@ -278,10 +264,8 @@ def _line(finding: Finding) -> str:
 @recorded("repair", RepairOptions)
 def command(
     paths: tuple[str, ...],
-    assets: tuple[str, ...],
     repair: RepairOptions,
     writing: WritingOptions,
-    rules: RuleOptions,
     configuration: ConfigOptions,
 ) -> None:
     """Repair stages.
@@ -295,5 +279,5 @@ def command(
     Exit code: 0 nothing is left, 1 errors or repairs are left, or would be made, 2 wrong usage;
     with --diff 1 if something would change.
     """
-    config = configured(paths, configuration, rules, assets)
+    config = configured(paths, configuration)
     sys.exit(repair_stages(paths, repair, writing, config))

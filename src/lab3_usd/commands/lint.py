@@ -19,7 +19,6 @@ from lab3_usd.commands.shared.configuration import (
 )
 from lab3_usd.commands.shared.options import (
     ReportOptions,
-    RuleOptions,
     ViewOptions,
     assets_option,
     from_option,
@@ -69,9 +68,7 @@ class LintOptions(Struct, frozen=True):
 @recorded("asked", LintOptions)
 def command(
     paths: tuple[str, ...],
-    assets: tuple[str, ...],
     asked: LintOptions,
-    rules: RuleOptions,
     report: ReportOptions,
     configuration: ConfigOptions,
     view: ViewOptions,
@@ -87,7 +84,7 @@ def command(
     Exit code: 0 no errors, 1 errors or not judged, 2 wrong usage or no such path, 3 the program
     itself failed.
     """
-    config = configured(paths, configuration, rules, assets)
+    config = configured(paths, configuration)
     judged = unexcluded(paths, config) if asked.force_exclude else paths
     leave_broken_lab()
     if asked.fix:

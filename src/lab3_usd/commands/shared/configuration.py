@@ -11,7 +11,7 @@ import click
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.commands.shared.options import RuleOptions, all_of, recorded, split_rules
+from lab3_usd.commands.shared.options import all_of, recorded, split_rules
 from lab3_usd.commands.shared.paths import Input
 from lab3_usd.data import LAB_VARIABLE, program
 from lab3_usd.errors import UsageError
@@ -22,13 +22,19 @@ if TYPE_CHECKING:
 
 
 class ConfigOptions(Struct, frozen=True):
-    """Which configuration is used: the file that is named, none, or the nearest."""
+    """Which configuration is used, the named file, none, or the nearest, and what counts before it.
+
+    That are the rules and families that are asked for, and the assets, as they were given.
+    """
 
     config_file: str | None
     isolated: bool
+    select: tuple[str, ...]
+    ignore: tuple[str, ...]
+    assets: tuple[str, ...]
 
 
-config_options = all_of(
+config_file_options = all_of(
     click.option(
         "--config",
         "config_file",
@@ -37,16 +43,24 @@ config_options = all_of(
         help="Use this configuration, not the nearest lab3.toml or pyproject.toml.",
     ),
     click.option("--isolated", is_flag=True, help="Use no configuration."),
-    recorded("configuration", ConfigOptions),
 )
+config_options = all_of(config_file_options, recorded("configuration", ConfigOptions))
 
 
-def configured(
-    paths: Iterable[str],
-    configuration: ConfigOptions,
-    rules: RuleOptions,
-    assets: Iterable[str] = (),
-) -> Config:
+def configuration_of(paths: Iterable[str], config_file: str | None, *, isolated: bool) -> Config:
+    """Return the configuration of a call: the file that is named, none, or the nearest.
+
+    Raises:
+        UsageError: it is wrong.
+    """
+    from lab3_usd.config.settings import Config, config_for, load_config
+
+    if isolated:
+        return Config()
+    return config_for(paths) if config_file is None else load_config(Path(config_file))
+
+
+def configured(paths: Iterable[str], given: ConfigOptions) -> Config:
     """Return the configuration of a call, with the rules of the command line where it has some.
 
     The lab and the assets that it names are used until the call ends.
@@ -55,21 +69,15 @@ def configured(
         UsageError: the configuration is wrong, or names of rules are.
     """
     from lab3_usd.check.registry import own_rules_removed_on_exit
-    from lab3_usd.config.settings import Config, config_for, load_config
 
     click.get_current_context().with_resource(own_rules_removed_on_exit())
-    if configuration.isolated:
-        config = Config()
-    elif configuration.config_file is not None:
-        config = load_config(Path(configuration.config_file))
-    else:
-        config = config_for(paths)
+    config = configuration_of(paths, given.config_file, isolated=given.isolated)
     use_lab(config.lab)
-    use_assets(assets, config.assets)
+    use_assets(given.assets, config.assets)
     return replace(
         config,
-        select=split_rules(rules.select) or config.select,
-        ignore=split_rules(rules.ignore) or config.ignore,
+        select=split_rules(given.select) or config.select,
+        ignore=split_rules(given.ignore) or config.ignore,
     )
 
 

@@ -94,73 +94,70 @@ def complete_checkpoints(
     _context: click.Context, _param: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
     """Offer the checkpoints of the lab."""
-    from click.shell_completion import CompletionItem
-
     from lab3_usd.spec.load.loader import load_lab
 
-    return [
-        CompletionItem(number, help=checkpoint.title)
-        for number, checkpoint in load_lab().checkpoints.items()
-        if number.startswith(incomplete)
-    ]
+    checkpoints = load_lab().checkpoints.items()
+    return _offered({number: point.title for number, point in checkpoints}, incomplete)
 
 
 def complete_formats(
     _context: click.Context, _param: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
     """Offer the formats of reports."""
-    from click.shell_completion import CompletionItem
-
     from lab3_usd.report.formats.registry import all_formats
 
-    return [
-        CompletionItem(name, help=form.purpose)
-        for name, form in all_formats().items()
-        if name.startswith(incomplete)
-    ]
+    return _offered({name: form.purpose for name, form in all_formats().items()}, incomplete)
 
 
 def complete_releases(
     _context: click.Context, param: click.Parameter, incomplete: str
 ) -> list[CompletionItem]:
     """Offer the releases of Isaac Sim, newest first; a stage may say where it comes from."""
-    from click.shell_completion import CompletionItem
-
     from lab3_usd.pipeline.any_stage import AUTO, lint_platform
 
     texts = {name: f"Isaac Sim {name}" for name in reversed(lint_platform().known_releases)}
     if "--from" in param.opts:
         texts[AUTO] = "as the stage says"
-    releases = ((name, text) for name, text in texts.items() if name.startswith(incomplete))
-    return [CompletionItem(name, help=text) for name, text in releases]
+    return _offered(texts, incomplete)
 
 
-isaac_option: Option = click.option(
+def _offered(texts: Mapping[str, str], incomplete: str) -> list[CompletionItem]:
+    """Return the values that begin as what was typed, each with its text."""
+    from click.shell_completion import CompletionItem
+
+    named = (item for item in texts.items() if item[0].startswith(incomplete))
+    return [CompletionItem(value, help=text) for value, text in named]
+
+
+def checkpoint_option(text: str = "Check for this checkpoint.") -> Option:
+    """Return the option that names a checkpoint of the lab."""
+    return click.option(
+        "--checkpoint", metavar="NN", shell_complete=complete_checkpoints, help=text
+    )
+
+
+def release_option(option: str, name: str, text: str) -> Option:
+    """Return an option that names a release of Isaac Sim."""
+    return click.option(
+        option, name, metavar="RELEASE", shell_complete=complete_releases, help=text
+    )
+
+
+isaac_option = release_option(
     "--isaac",
     "release",
-    metavar="RELEASE",
-    shell_complete=complete_releases,
-    help="Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
+    "Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
 )
-from_option: Option = click.option(
+from_option = release_option(
     "--from",
     "moved_from",
-    metavar="RELEASE",
-    shell_complete=complete_releases,
-    help="Also report what differs in this release, from which the stage comes; auto finds it.",
+    "Also report what differs in this release, from which the stage comes; auto finds it.",
 )
 
 
 def file_option(*names: str, text: str) -> Option:
     """Return an option that names a file to read."""
     return click.option(*names, type=Input(path_type=Path), metavar="FILE", help=text)
-
-
-class RuleOptions(Struct, frozen=True):
-    """The rules and families that are asked for, as they were given."""
-
-    select: tuple[str, ...] = ()
-    ignore: tuple[str, ...] = ()
 
 
 rules_options = all_of(
@@ -178,7 +175,6 @@ rules_options = all_of(
         shell_complete=complete_rules,
         help="Not these rules or families.",
     ),
-    recorded("rules", RuleOptions),
 )
 
 
@@ -236,14 +232,6 @@ scene_option = click.option(
     metavar="STAGE",
     help="The stage that scripts load; their graphs are checked on it.",
 )
-
-
-class StageOptions(Struct, frozen=True):
-    """How any stage is read: over which scene, as which release, with which assets."""
-
-    scene: str | None
-    release: str | None
-    assets: tuple[str, ...]
 
 
 assets_option = click.option(

@@ -8,17 +8,17 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import color_option, text_or_json
+from lab3_usd.commands.shared.options import checkpoint_option, color_option, text_or_json
 from lab3_usd.commands.shared.paths import Input, MapInput, RecordingInput
 from lab3_usd.data import program
 from lab3_usd.errors import UsageError
-from lab3_usd.features.sim.behaviour import checkpoint_option, page_option, write_behaviour
+from lab3_usd.features.sim.behaviour import page_option, write_behaviour
 from lab3_usd.installation import install_command
 
 
 @click.command("bag")
 @click.argument("recording", type=RecordingInput(path_type=Path))
-@checkpoint_option
+@checkpoint_option()
 @click.option(
     "--stage",
     type=Input(path_type=Path),

@@ -14,10 +14,9 @@ from msgspec import Struct
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
-    StageOptions,
     assets_option,
     checkpoint_number,
-    complete_checkpoints,
+    checkpoint_option,
     echo,
     isaac_option,
     recorded,
@@ -41,7 +40,7 @@ TREE = "TF"
 
 
 class DrawOptions(Struct, frozen=True):
-    """How a stage is judged, and how its pictures look."""
+    """How a stage is read and judged, and how its pictures look."""
 
     form: str
     checkpoint: str | None
@@ -49,6 +48,9 @@ class DrawOptions(Struct, frozen=True):
     theme: Theme
     all_ports: bool
     force: bool
+    scene: str | None
+    release: str | None
+    assets: tuple[str, ...]
 
 
 @click.command("draw")
@@ -62,12 +64,7 @@ class DrawOptions(Struct, frozen=True):
     show_default=True,
     help="Format of the pictures; png needs the extra lab3-usd[png].",
 )
-@click.option(
-    "--checkpoint",
-    metavar="NN",
-    shell_complete=complete_checkpoints,
-    help="Check the stage for this checkpoint.",
-)
+@checkpoint_option("Check the stage for this checkpoint.")
 @click.option("--lint", is_flag=True, help="Mark the findings of lab3 lint.")
 @isaac_option
 @click.option(
@@ -80,9 +77,8 @@ class DrawOptions(Struct, frozen=True):
 @click.option("--all-ports", is_flag=True, help="Draw unused ports as well.")
 @scene_option
 @assets_option
-@recorded("reading", StageOptions)
 @recorded("asked", DrawOptions)
-def command(target: str, folder: Path, asked: DrawOptions, reading: StageOptions) -> None:
+def command(target: str, folder: Path, asked: DrawOptions) -> None:
     """Draw each Action Graph and the TF tree of a stage, with its faults marked.
 
     FILE is a stage; its checkpoint is read from its name, or given with --checkpoint. A stage
@@ -91,19 +87,19 @@ def command(target: str, folder: Path, asked: DrawOptions, reading: StageOptions
     """
     from lab3_usd.spec.load.loader import load_lab
 
-    parameters = use_config(Path(target), reading.assets).parameters
+    parameters = use_config(Path(target), asked.assets).parameters
     lab = load_lab()
     path, force = Path(target), asked.force
     if asked.lint and asked.checkpoint is not None:
         raise UsageError("--lint and --checkpoint exclude each other")
     if asked.lint:
-        drawing = _linted(path, reading, parameters, every_port=asked.all_ports)
+        drawing = _linted(path, asked, parameters)
     elif target in lab.graphs or target == TREE:
-        if reading.release is not None:
+        if asked.release is not None:
             raise UsageError("--isaac goes with a stage: the lab names the release of its graphs")
         drawing = Drawing([_reference(lab, target, every_port=asked.all_ports)], "")
     elif path.suffix or path.exists():
-        drawing = _of_stage(lab, path, asked, reading)
+        drawing = _of_stage(lab, path, asked)
     else:
         names = ", ".join([*lab.graphs, TREE])
         raise UsageError(
@@ -145,7 +141,7 @@ def _reference(lab: Lab, name: str, *, every_port: bool) -> Picture:
     return spec_picture(lab.graphs[name], every_port=every_port)
 
 
-def _of_stage(lab: Lab, path: Path, asked: DrawOptions, reading: StageOptions) -> Drawing:
+def _of_stage(lab: Lab, path: Path, asked: DrawOptions) -> Drawing:
     from lab3_usd.check.checker import judge
     from lab3_usd.pipeline.any_stage import lab_in_release, read_any
     from lab3_usd.pipeline.stage import checkpoint_of
@@ -157,9 +153,9 @@ def _of_stage(lab: Lab, path: Path, asked: DrawOptions, reading: StageOptions) -
         if number is None
         else checkpoint_number(number, lab.checkpoints)
     )
-    if reading.release is not None:
-        lab = lab_in_release(lab, reading.release, number)
-    stage = read_any(path, lab.platform, reading.scene or "")
+    if asked.release is not None:
+        lab = lab_in_release(lab, asked.release, number)
+    stage = read_any(path, lab.platform, asked.scene or "")
     stem = f"{path.stem}-"
     if number is None:
         bare = list(stage_pictures(lab, None, stage, every_port=every_port))
@@ -174,19 +170,17 @@ def _of_stage(lab: Lab, path: Path, asked: DrawOptions, reading: StageOptions) -
     return Drawing(list(pictures), stem, judged.crashes)
 
 
-def _linted(
-    path: Path, reading: StageOptions, parameters: Parameters, *, every_port: bool
-) -> Drawing:
+def _linted(path: Path, asked: DrawOptions, parameters: Parameters) -> Drawing:
     """Draw a stage with what the linter finds; findings elsewhere than in its graphs are listed."""
     from lab3_usd.check.lint import lint
     from lab3_usd.isaac.releases import BASE
     from lab3_usd.pipeline.any_stage import lint_platform, read_any
     from lab3_usd.report.pictures.graph_picture import linted_pictures
 
-    platform = lint_platform(reading.release or BASE)
-    stage = read_any(path, platform, reading.scene or "")
+    platform = lint_platform(asked.release or BASE)
+    stage = read_any(path, platform, asked.scene or "")
     linted = lint(LintSubject(stage, parameters=parameters))
-    pictures = linted_pictures(stage, linted.findings, every_port=every_port)
+    pictures = linted_pictures(stage, linted.findings, every_port=asked.all_ports)
     return Drawing(list(pictures), f"{path.stem}-", linted.crashes)
 
 

@@ -6,21 +6,14 @@ import sys
 
 import click
 
-from lab3_usd.commands.shared.options import complete_releases
+from lab3_usd.commands.shared.options import isaac_option
 from lab3_usd.errors import UsageError
 from lab3_usd.installation import install_command
 
 
 @click.command("server")
-@click.option(
-    "--isaac",
-    "release",
-    default="",
-    metavar="RELEASE",
-    shell_complete=complete_releases,
-    help="Use the types, ports and defaults of this release of Isaac Sim, such as 5.1.",
-)
-def command(release: str) -> None:
+@isaac_option
+def command(release: str | None) -> None:
     """Serve an editor: findings as you type, manuals, repairs, and the ends of wires.
 
     The editor starts this command and speaks the Language Server Protocol with it over standard
@@ -41,4 +34,4 @@ def command(release: str) -> None:
 
     # The server closes what it writes to when the editor is done; the program's own stays open.
     with open(sys.stdout.fileno(), "wb", closefd=False) as output:
-        make_server(tool_version(), release).start_io(stdout=output)
+        make_server(tool_version(), release or "").start_io(stdout=output)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from lab3_usd.commands.shared.options import Option, complete_checkpoints, wants_color, width
+from lab3_usd.commands.shared.options import Option, wants_color, width
 from lab3_usd.commands.shared.paths import OutputReport
 from lab3_usd.errors import EXIT_FOUND, EXIT_USAGE, UsageError
 
@@ -18,12 +18,6 @@ if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
 
 EXITS = {"ok": 0, "bad": EXIT_FOUND, "not judged": EXIT_FOUND, "unreadable": EXIT_USAGE}
-checkpoint_option: Option = click.option(
-    "--checkpoint",
-    metavar="NN",
-    shell_complete=complete_checkpoints,
-    help="Check for this checkpoint.",
-)
 page_option: Option = click.option(
     "--page", type=OutputReport(path_type=Path), help="Write an HTML page to this file."
 )

@@ -11,6 +11,7 @@ import click
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
     assets_option,
+    checkpoint_option,
     color_option,
     isaac_option,
     recorded,
@@ -19,7 +20,7 @@ from lab3_usd.commands.shared.options import (
 from lab3_usd.commands.shared.paths import Input, MapInput
 from lab3_usd.errors import UsageError
 from lab3_usd.features.sim.additions import SimAddition, SimOptions, additions_to_sim
-from lab3_usd.features.sim.behaviour import checkpoint_option, page_option, write_behaviour
+from lab3_usd.features.sim.behaviour import page_option, write_behaviour
 
 if TYPE_CHECKING:
     from lab3_usd.config.settings import Config
@@ -29,7 +30,7 @@ if TYPE_CHECKING:
 
 @click.command("sim")
 @click.argument("stage", type=Input(path_type=Path))
-@checkpoint_option
+@checkpoint_option()
 @click.option(
     "--drive",
     type=Input(),
