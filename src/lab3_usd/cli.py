@@ -18,7 +18,7 @@ import click
 
 from lab3_usd import hooks
 from lab3_usd.commands.table import EXAMPLES, FORMER, all_commands, command_named
-from lab3_usd.data import LAB_VARIABLE, TEAM_VARIABLE, as_called, program
+from lab3_usd.data import LAB_VARIABLE, TEAM_VARIABLE, as_called, program, variable_set
 from lab3_usd.errors import (
     EXIT_CRASH,
     EXIT_INTERRUPTED,
@@ -142,8 +142,7 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
 
     A zip is unpacked to a folder that is there until the command ends.
     """
-    before = os.environ.get(LAB_VARIABLE)
-    named = before if given is None else given
+    named = os.environ.get(LAB_VARIABLE) if given is None else given
     is_zip = named is not None and named.lower().endswith(".zip") and Path(named).is_file()
     if named is None or (given is None and not is_zip):
         return
@@ -154,17 +153,10 @@ def _use_lab(context: click.Context, _option: click.Parameter, given: str | None
     if given is not None:
         context.meta[LAB_VARIABLE] = given
     folder = Path(named).resolve()
-    os.environ.pop(LAB_VARIABLE, None)
-
-    def put_back() -> None:
-        os.environ.pop(LAB_VARIABLE, None)
-        if before is not None:
-            os.environ[LAB_VARIABLE] = before
-
-    context.call_on_close(put_back)
+    context.with_resource(variable_set(LAB_VARIABLE, None))
     if is_zip:
         folder = context.with_resource(hooks.unpacked_lab(folder))
-    os.environ[LAB_VARIABLE] = str(folder)
+    context.with_resource(variable_set(LAB_VARIABLE, str(folder)))
 
 
 def _use_team(context: click.Context, _option: click.Parameter, given: str | None) -> None:
@@ -173,15 +165,7 @@ def _use_team(context: click.Context, _option: click.Parameter, given: str | Non
         return
     if not (given.isascii() and given.isalnum()):
         raise UsageError(f"--team {given}: expected letters and digits")
-    before = os.environ.get(TEAM_VARIABLE)
-    os.environ[TEAM_VARIABLE] = given
-
-    def put_back() -> None:
-        del os.environ[TEAM_VARIABLE]
-        if before is not None:
-            os.environ[TEAM_VARIABLE] = before
-
-    context.call_on_close(put_back)
+    context.with_resource(variable_set(TEAM_VARIABLE, given))
 
 
 @click.group(

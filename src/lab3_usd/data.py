@@ -3,6 +3,8 @@
 import os
 import re
 import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
 from functools import cache
 from pathlib import Path
 
@@ -46,6 +48,20 @@ def own_lab() -> Path | None:
 def own_team() -> str:
     """Return the team that the environment names, whose values of the lab count; '' for none."""
     return os.environ.get(TEAM_VARIABLE, "")
+
+
+@contextmanager
+def variable_set(name: str, value: str | None) -> Iterator[None]:
+    """Set a variable of the environment, or with None remove it, until the context is left."""
+    before = os.environ.pop(name, None)
+    if value is not None:
+        os.environ[name] = value
+    try:
+        yield
+    finally:
+        os.environ.pop(name, None)
+        if before is not None:
+            os.environ[name] = before
 
 
 def lab_folder() -> Path:

@@ -17,7 +17,7 @@ from typing import TYPE_CHECKING
 import pytest
 from msgspec.structs import replace
 
-from lab3_usd.data import LAB_VARIABLE
+from lab3_usd.data import LAB_VARIABLE, variable_set
 from lab3_usd.errors import UsageError
 from lab3_usd.files import is_script_file
 
@@ -104,8 +104,7 @@ def _use_configuration(config: pytest.Config, paths: list[str]) -> None:
     labs = [config.stash[_CONFIGS][path].lab for path in config.getoption("--lab3")]
     lab = next(filter(None, labs), None)
     if lab is not None and not os.environ.get(LAB_VARIABLE):
-        os.environ[LAB_VARIABLE] = str(lab.resolve())
-        afterwards.callback(os.environ.pop, LAB_VARIABLE, None)
+        afterwards.enter_context(variable_set(LAB_VARIABLE, str(lab.resolve())))
 
 
 def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Collector | None:

@@ -13,7 +13,7 @@ from msgspec.structs import replace
 
 from lab3_usd.commands.shared.options import all_of, recorded, split_rules
 from lab3_usd.commands.shared.paths import Input
-from lab3_usd.data import LAB_VARIABLE, program
+from lab3_usd.data import LAB_VARIABLE, program, variable_set
 from lab3_usd.errors import UsageError
 
 if TYPE_CHECKING:
@@ -178,17 +178,11 @@ def leave_broken_lab() -> None:
         load_lab()
     except SpecError as error:
         click.echo(f"{program()}: the lab {named} is left aside: {error}", err=True)
-        del os.environ[LAB_VARIABLE]
-        context = click.get_current_context(silent=True)
-        if context is not None:
-            context.call_on_close(lambda: os.environ.__setitem__(LAB_VARIABLE, named))
+        click.get_current_context().with_resource(variable_set(LAB_VARIABLE, None))
 
 
 def use_lab(folder: Path | None) -> None:
     """Name the lab's folder in the environment for this call, unless another is named."""
-    if folder is None or os.environ.get(LAB_VARIABLE):
-        return
-    os.environ[LAB_VARIABLE] = str(folder.resolve())
-    context = click.get_current_context(silent=True)
-    if context is not None:
-        context.call_on_close(lambda: os.environ.pop(LAB_VARIABLE, None))
+    if folder is not None and not os.environ.get(LAB_VARIABLE):
+        named = variable_set(LAB_VARIABLE, str(folder.resolve()))
+        click.get_current_context().with_resource(named)
