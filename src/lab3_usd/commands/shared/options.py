@@ -20,6 +20,7 @@ from lab3_usd.commands.shared.paths import (
     OutputBaseline,
     OutputFile,
     OutputFolder,
+    refuse_inputs,
 )
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.errors import UsageError
@@ -345,6 +346,25 @@ def written_folder(what: str, files: str = "files") -> Option:
         click.option("--output", "-o", "folder", required=True, type=kind, help=what),
         click.option("--force", is_flag=True, help=f"Replace {files} that exist."),
     )
+
+
+def write_into(
+    folder: Path, files: Mapping[Path, bytes], *, force: bool, err: bool = False
+) -> None:
+    """Write all files of a folder, which is made if there is none, or none; print their paths.
+
+    Raises:
+        UsageError: one is read by the call, exists and `force` is not set, or cannot be written.
+    """
+    from lab3_usd.files import make_folder, refuse_existing, write_whole
+
+    refuse_inputs(files)
+    for path in files:
+        refuse_existing(path, force=force)
+    make_folder(folder)
+    for path, content in files.items():
+        write_whole(path, content, force=force)
+        echo(path, err=err)
 
 
 def split_rules(values: Iterable[str]) -> tuple[str, ...]:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 import sys
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -15,14 +14,14 @@ from msgspec.structs import replace
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
     assets_option,
-    echo,
     isaac_option,
     terminal_width,
     text_or_json,
+    write_into,
 )
-from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
+from lab3_usd.commands.shared.paths import Input, OutputFolder
 from lab3_usd.errors import EXIT_FOUND
-from lab3_usd.files import copy_beside, make_folder, original_of, refuse_existing, write_whole
+from lab3_usd.files import copy_beside, original_of
 
 if TYPE_CHECKING:
     from lab3_usd.diff import Comparison
@@ -74,16 +73,12 @@ def command(
     named = replace(comparison.diff, before=str(before), after=str(after))
     comparison = replace(comparison, diff=named)
     if pictures is not None:
-        from lab3_usd.report.picture.svg import svg_file
+        from lab3_usd.report.picture.picture_file import encoder, file_names
 
-        drawn = {pictures / name: picture for name, picture in _pictures(comparison)}
-        refuse_inputs(drawn)
-        for path in drawn:
-            refuse_existing(path, force=force)
-        make_folder(pictures)
-        for path, picture in drawn.items():
-            write_whole(path, svg_file(picture, "auto").encode(), force=force)
-            echo(path, err=True)
+        drawn = list(_pictures(comparison))
+        paths = (pictures / f"{name}.svg" for name in file_names("", drawn))
+        files = dict(zip(paths, map(encoder("svg"), drawn), strict=True))
+        write_into(pictures, files, force=force, err=True)
     if form == "json":
         click.echo(diff_report.render(comparison.diff), nl=False)
     else:
@@ -103,11 +98,10 @@ def opened_original(path: Path) -> Iterator[Path]:
         yield copy
 
 
-def _pictures(comparison: Comparison) -> Iterator[tuple[str, Picture]]:
-    """Yield a picture of each graph that differs, with the name of its file."""
+def _pictures(comparison: Comparison) -> Iterator[Picture]:
+    """Yield a picture of each graph that differs."""
     from lab3_usd.report.pictures.diff_picture import GraphVersions, diff_picture
 
-    names: dict[str, int] = {}
     for pair in comparison.pairs.graphs:
         graph = pair.after or pair.before
         if graph is None:
@@ -118,10 +112,6 @@ def _pictures(comparison: Comparison) -> Iterator[tuple[str, Picture]]:
         changes = [
             change for change in comparison.diff.changes if f"{change.path}/".startswith(tops)
         ]
-        if not changes:
-            continue
-        name = re.sub(r"[^\w-]", "_", graph.name)
-        names[name] = names.get(name, 0) + 1
-        number = f"-{names[name]}" if names[name] > 1 else ""
-        versions = GraphVersions(graph.name, graph.path, pair.nodes, comparison.pairs.path)
-        yield f"{name}{number}.svg", diff_picture(versions, changes)
+        if changes:
+            versions = GraphVersions(graph.name, graph.path, pair.nodes, comparison.pairs.path)
+            yield diff_picture(versions, changes)

@@ -2,9 +2,7 @@
 
 from __future__ import annotations
 
-import re
 import sys
-from collections.abc import Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -21,13 +19,13 @@ from lab3_usd.commands.shared.options import (
     isaac_option,
     recorded,
     scene_option,
+    write_into,
     written_folder,
 )
-from lab3_usd.commands.shared.paths import Input, refuse_inputs
+from lab3_usd.commands.shared.paths import Input
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
-from lab3_usd.files import make_folder, refuse_existing, write_whole
-from lab3_usd.report.picture.picture_file import ENDINGS, encoder
+from lab3_usd.report.picture.picture_file import ENDINGS, encoder, file_names
 from lab3_usd.report.picture.svg import THEMES, Theme
 
 if TYPE_CHECKING:
@@ -89,7 +87,7 @@ def command(target: str, folder: Path, asked: DrawOptions) -> None:
 
     parameters = use_config(Path(target), asked.assets).parameters
     lab = load_lab()
-    path, force = Path(target), asked.force
+    path = Path(target)
     if asked.lint and asked.checkpoint is not None:
         raise UsageError("--lint and --checkpoint exclude each other")
     if asked.lint:
@@ -110,14 +108,10 @@ def command(target: str, folder: Path, asked: DrawOptions) -> None:
         raise UsageError(
             f"{target}: has no Action Graph and no TF tree, so there is nothing to draw"
         )
-    paths = list(_paths(drawing, folder, ENDINGS[asked.form]))
-    refuse_inputs(paths)
-    for path in paths:
-        refuse_existing(path, force=force)
-    make_folder(folder)
-    for path, picture in zip(paths, drawing.pictures, strict=True):
-        write_whole(path, encode(picture), force=force)
-        echo(path)
+    free = file_names(drawing.stem, drawing.pictures)
+    paths = (folder / f"{name}.{ENDINGS[asked.form]}" for name in free)
+    pictures = zip(paths, map(encode, drawing.pictures), strict=True)
+    write_into(folder, dict(pictures), force=asked.force)
     for crash in drawing.crashes:
         echo(f"{program()}: rule {crash.rule} failed: {crash.error}", err=True)
     if drawing.crashes:
@@ -182,18 +176,3 @@ def _linted(path: Path, asked: DrawOptions, parameters: Parameters) -> Drawing:
     linted = lint(LintSubject(stage, parameters=parameters))
     pictures = linted_pictures(stage, linted.findings, every_port=asked.all_ports)
     return Drawing(list(pictures), f"{path.stem}-", linted.crashes)
-
-
-def _paths(drawing: Drawing, folder: Path, ending: str) -> Iterator[Path]:
-    """Yield a file for each picture, all different where case does not count."""
-    seen: set[str] = set()
-    last: dict[str, int] = {}  # the number that the last picture of a name got
-    for picture in drawing.pictures:
-        name = free = drawing.stem + re.sub(r"[^\w-]", "_", picture.title)
-        number = last.get(name.casefold(), 1)
-        while free.casefold() in seen:
-            number += 1
-            free = f"{name}-{number}"
-        last[name.casefold()] = number
-        seen.add(free.casefold())
-        yield folder / f"{free}.{ending}"

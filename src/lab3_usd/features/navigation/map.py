@@ -9,10 +9,9 @@ from typing import TYPE_CHECKING, Any
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.shared.options import echo, recorded, written_folder
-from lab3_usd.commands.shared.paths import Input, refuse_inputs
+from lab3_usd.commands.shared.options import echo, recorded, write_into, written_folder
+from lab3_usd.commands.shared.paths import Input
 from lab3_usd.errors import UsageError
-from lab3_usd.files import make_folder, refuse_existing, write_whole
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
@@ -83,9 +82,6 @@ def command(stage: Path, folder: Path, area: MapOptions, *, force: bool) -> None
     if spec is None:
         raise UsageError(f"{lab.title} has no map: its scene.yaml describes none")
     yaml_file, image_file = folder / spec.yaml, folder / spec.image
-    refuse_inputs((yaml_file, image_file))
-    for file in (yaml_file, image_file):
-        refuse_existing(file, force=force)
     width, height = area.size or (spec.width, spec.height)
     origin = area.origin or spec.origin[:2]
     frame = MapFrame(area.resolution or spec.resolution, origin, width, height)
@@ -102,11 +98,8 @@ def command(stage: Path, folder: Path, area: MapOptions, *, force: bool) -> None
         origin=(*frame.origin, spec.origin[2]),
         **{key: getattr(spec, key) for key in ("mode", "negate", "occupied_thresh", "free_thresh")},
     )
-    make_folder(folder)
-    write_whole(image_file, pgm(drawn.grid), force=force)
-    write_whole(yaml_file, map_yaml(described).encode(), force=force)
-    echo(yaml_file)
-    echo(image_file)
+    files = {yaml_file: map_yaml(described).encode(), image_file: pgm(drawn.grid)}
+    write_into(folder, files, force=force)
 
 
 def _cut(stage: Path, lab: Lab, height: float | None) -> StageSlice:

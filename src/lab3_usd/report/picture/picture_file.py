@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+import re
+from collections.abc import Callable, Iterable, Iterator
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -30,6 +31,19 @@ def encoder(form: str, theme: Theme = "auto") -> Callable[[Picture], bytes]:
         "dot": lambda picture: graphviz(picture).encode(),
     }
     return encoders[form]
+
+
+def file_names(stem: str, pictures: Iterable[Picture]) -> Iterator[str]:
+    """Yield a name for the file of each picture, all different where case does not count."""
+    seen: set[str] = set()
+    for picture in pictures:
+        name = free = stem + re.sub(r"[^\w-]", "_", picture.title)
+        number = 1
+        while free.casefold() in seen:
+            number += 1
+            free = f"{name}-{number}"
+        seen.add(free.casefold())
+        yield free
 
 
 def png(picture: Picture, theme: Theme = "light") -> bytes:
