@@ -200,17 +200,12 @@ def unpacked_lab(archive: Path) -> AbstractContextManager[Path]:
     return unpacked
 
 
-def refuse_foreign_script(page: Path) -> None:
-    """Refuse to write over, and to remove at the end, a file beside a page that is not its script.
+def write_live_page(page: str, path: Path, version: int) -> None:
+    """Write a version of a page that open browsers load: `--watch --format html`.
 
     Raises:
-        UsageError: it is not.
+        UsageError: a file beside the page, which the first version would replace, is another's.
     """
-    _needed("refuse_foreign_script")(page)
-
-
-def write_live_page(page: str, path: Path, version: int) -> None:
-    """Write a version of a page that open browsers load: `--watch --format html`."""
     _needed("write_live_page")(page, path, version)
 
 

@@ -93,15 +93,8 @@ def holds(top: str, changed: Iterable[str]) -> bool:
     return any(path == whole or path.startswith(f"{whole}{os.sep}") for path in changed)
 
 
-_Key = tuple[str, str]  # file, and a fingerprint
-
-
-class _Known(NamedTuple):
-    """A finding, its file, and what it is recognised by in another report."""
-
-    path: str
-    key: _Key
-    finding: Finding
+# A finding, behind its file and fingerprint, by which it is recognised in another report.
+_Known = tuple[tuple[str, str], Finding]
 
 
 class ReportChanges(Struct, frozen=True):
@@ -120,43 +113,44 @@ def changes_between(before: Report, after: Report) -> ReportChanges:
     cannot be read nothing is known: its findings are neither repaired nor left.
     """
     unread = {result.path for result in after.results if result.verdict == "unreadable"}
-    old, unknown = list[_Known](), list[_Known]()
-    for reported in _known(before):
-        is_unknown = reported.path in unread and reported.finding.unopened != "stage"
-        (unknown if is_unknown else old).append(reported)
+    old, unknown = list[_Known](), list[Finding]()
+    for key, finding in _known(before):
+        if key[0] in unread and finding.unopened != "stage":
+            unknown.append(finding)
+        else:
+            old.append((key, finding))
     new = list(_known(after))
-    counts = Counter((reported.key, reported.finding.message) for reported in old)
-    counts.subtract((reported.key, reported.finding.message) for reported in new)
-    added = list(_surplus(new, -counts))
-    repaired = list(_surplus(old, +counts))
+    added, repaired = _surplus(new, old), _surplus(old, new)
     changed = []
     for reported in list(added):
-        twin = next((other for other in repaired if other.key == reported.key), None)
+        twin = next((other for other in repaired if other[0] == reported[0]), None)
         if twin is not None:
             added.remove(reported)
             repaired.remove(twin)
             changed.append(reported)
     return ReportChanges(
-        tuple(reported.finding for reported in added),
-        tuple(reported.finding for reported in changed),
-        tuple(reported.finding for reported in repaired),
-        tuple(reported.finding for reported in unknown),
+        tuple(finding for _, finding in added),
+        tuple(finding for _, finding in changed),
+        tuple(finding for _, finding in repaired),
+        tuple(unknown),
     )
 
 
 def _known(report: Report) -> Iterator[_Known]:
     """Yield every finding with what a baseline recognises it by."""
     for entry, text in fingerprinted(report):
-        yield _Known(entry.path, (entry.path, text.partition(":")[0]), entry.finding)
+        yield (entry.path, text.partition(":")[0]), entry.finding
 
 
-def _surplus(reported: list[_Known], more: Counter[tuple[_Key, str]]) -> Iterator[_Known]:
-    """Yield as many findings as one report has more than the other."""
-    left = Counter(more)
-    for each in reported:
-        if left[each.key, each.finding.message] > 0:
-            left[each.key, each.finding.message] -= 1
-            yield each
+def _surplus(reported: Iterable[_Known], others: Iterable[_Known]) -> list[_Known]:
+    """Return as many findings as one report has more than the other, of each place and message."""
+    left = Counter((key, finding.message) for key, finding in others)
+    more = []
+    for key, finding in reported:
+        left[key, finding.message] -= 1
+        if left[key, finding.message] < 0:
+            more.append((key, finding))
+    return more
 
 
 def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str]:
@@ -168,15 +162,12 @@ def change_lines(saved: str, news: ReportChanges, after: Report) -> Iterator[str
     if news.unknown:
         counts += f", {len(news.unknown)} unknown until it can be read"
     yield printable(f"{time_of_day()}  {saved}: {counts}; {', '.join(figures) or 'nothing'} left")
-    for word, findings in (("new", news.new), ("changed", news.changed)):
+    listed = (("new", news.new), ("changed", news.changed), ("repaired", news.repaired))
+    for word, findings in listed:
         for finding in findings:
             yield printable(
                 f"  {word:<9} {finding.severity} {finding.rule} {site(finding)}: {finding.message}"
             )
-    for finding in news.repaired:
-        yield printable(
-            f"  repaired  {finding.severity} {finding.rule} {site(finding)}: {finding.message}"
-        )
 
 
 def time_of_day() -> str:
@@ -409,17 +400,15 @@ class _Session:
     def _show(self, lines: Iterable[str]) -> None:
         """Show what is new first, then the report."""
         page = self._page
-        if page is not None and not self._version:
-            hooks.refuse_foreign_script(page)
-        self._version += 1
         output, form = self._options.output, self._options.form
         if output is None and form == "text" and understands_ansi(sys.stdout):
             click.clear()
         text = self._watched.render(self._whole())
         if page is not None:
-            hooks.write_live_page(text, page, self._version)
+            hooks.write_live_page(text, page, self._version + 1)
         elif output is not None:
             write_report(text, output)
+        self._version += 1  # a page that was refused is another's, and stays
         is_data = output is None and form != "text"
         click.echo("\n".join(lines), err=is_data)
         if output is None:

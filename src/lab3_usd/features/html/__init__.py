@@ -8,7 +8,6 @@ FEATURE = Feature(
     },
     answers={
         "end_live_page": "lab3_usd.report.html.live_page",
-        "refuse_foreign_script": "lab3_usd.report.html.live_page",
         "write_live_page": "lab3_usd.report.html.live_page",
     },
 )

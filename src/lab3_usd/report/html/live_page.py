@@ -39,17 +39,6 @@ def version_file(page: Path) -> Path:
     return page.with_name(f".{page.name}.version.js")
 
 
-def refuse_foreign_script(page: Path) -> None:
-    """Refuse to write over, and to remove at the end, a file beside a page that is not its script.
-
-    Raises:
-        UsageError: it is not.
-    """
-    script = version_file(page)
-    if script.exists() and not script.read_bytes().startswith(b"window.lab3Version"):
-        raise UsageError(f"{script}: is not of this program; move it away")
-
-
 def version_script(version: int) -> str:
     """Return what that script holds."""
     return f"window.lab3Version = {version};\n"
@@ -69,10 +58,18 @@ def live_page(page: str, path: Path, version: int) -> str:
 
 
 def write_live_page(page: str, path: Path, version: int) -> None:
-    """Write a version of a page, then the script that has open browsers load it."""
+    """Write a version of a page, then the script that has open browsers load it.
+
+    Raises:
+        UsageError: a file beside the page, which the first version would replace, is another's.
+    """
+    script = version_file(path)
+    is_ours = not script.exists() or script.read_bytes().startswith(b"window.lab3Version")
+    if version == 1 and not is_ours:
+        raise UsageError(f"{script}: is not of this program; move it away")
     text = live_page(page, path, version)
     write_whole(path, text.encode("utf-8", "replace"), force=True)
-    write_whole(version_file(path), version_script(version).encode(), force=True)
+    write_whole(script, version_script(version).encode(), force=True)
 
 
 def end_live_page(page: str, path: Path) -> None:
