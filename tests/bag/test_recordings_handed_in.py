@@ -39,7 +39,8 @@ from lab3_usd.model.folder import (
     Observation,
     RecordingShown,
 )
-from lab3_usd.pipeline.folder import FolderSettings, check_folder
+from lab3_usd.pipeline.folder import check_folder
+from lab3_usd.pipeline.stage import JudgeSettings
 from lab3_usd.sim.bag.recording_files import Bounds
 from lab3_usd.sim.bag.submitted import MOST, OF_EACH, read_recordings
 
@@ -362,11 +363,15 @@ def test_a_folder_is_checked_with_its_recordings(brief: Path, handed_in: Path) -
     stage.parent.mkdir()
     correct_stage("05").GetRootLayer().Export(str(stage))
     asked = []
-    refusing = FolderSettings(may_open=lambda name: asked.append(name) or "ended a worker")
+
+    def refuse(name: str) -> str:
+        asked.append(name)
+        return "ended a worker"
+
     assert "E18" in {
-        finding.rule for finding in check_folder(handed_in, FolderSettings()).submission.findings
+        finding.rule for finding in check_folder(handed_in, JudgeSettings()).submission.findings
     }
-    found = check_folder(handed_in, refusing).submission.findings
+    found = check_folder(handed_in, JudgeSettings(), may_open=refuse).submission.findings
     assert [each.message for each in found if each.rule == "E19"] == [
         "the recording ended a worker"
     ]

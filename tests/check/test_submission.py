@@ -37,7 +37,8 @@ from lab3_usd.errors import StageError
 from lab3_usd.model.finding import Report
 from lab3_usd.model.folder import SubmissionSubject
 from lab3_usd.pipeline.deliverables import lone_stage_notes, map_findings
-from lab3_usd.pipeline.folder import FolderSettings, check_folder, is_submission
+from lab3_usd.pipeline.folder import check_folder, is_submission
+from lab3_usd.pipeline.stage import JudgeSettings
 from lab3_usd.report.formats.json_report import report_json
 from lab3_usd.stage.graph_signature import files_read
 
@@ -78,11 +79,11 @@ def test_a_complete_submission_has_no_fault(folder: Path) -> None:
 
 def test_what_the_cases_below_judge_once_is_judged_as_ever(folder: Path) -> None:
     leave(folder, "03", LAST)
-    assert checked(folder) == check_folder(folder, FolderSettings())
+    assert checked(folder) == check_folder(folder, JudgeSettings())
     edit_stage(folder / STARTER, heavy)
     edit("03", heavy)(folder)
     given = folder / STARTER
-    assert checked(folder, starter=given) == check_folder(folder, FolderSettings(starter=given))
+    assert checked(folder, starter=given) == check_folder(folder, JudgeSettings(starter=given))
 
 
 @pytest.mark.parametrize("case", ALL, ids=lambda case: case.name)

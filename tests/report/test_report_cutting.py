@@ -23,8 +23,8 @@ from lab3_usd.model.finding import (
     StageResult,
     Submission,
 )
-from lab3_usd.pipeline.folder import FolderSettings, check_folder
-from lab3_usd.pipeline.stage import check_stage
+from lab3_usd.pipeline.folder import check_folder
+from lab3_usd.pipeline.stage import JudgeSettings, check_stage
 from lab3_usd.report.formats.registry import all_formats, render
 from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import LONGEST, truncated, truncated_values
@@ -199,7 +199,7 @@ def test_what_lies_beside_the_stages_makes_no_report_large(
     file.parent.mkdir(exist_ok=True)
     file.write_text(text)
     monkeypatch.chdir(tmp_path)
-    found = check_folder(Path(), FolderSettings())
+    found = check_folder(Path(), JudgeSettings())
     report = Report(found.results, (found.submission,))
     for each in all_formats():
         assert len(render(each, report, all_rules(), Options(verbosity="verbose"))) < MOST, each

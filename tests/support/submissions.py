@@ -25,7 +25,7 @@ from lab3_usd.model.finding import StageResult
 from lab3_usd.model.folder import Agreement, Listing, MapSubject, NavigationSubject
 from lab3_usd.pipeline import deliverables as folder_checks
 from lab3_usd.pipeline import folder as pipeline_folder
-from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder, find_starters
+from lab3_usd.pipeline.folder import FolderResult, check_folder, find_starters
 from lab3_usd.pipeline.stage import JudgeSettings, check_stage, judge_stage
 from lab3_usd.pipeline.starter_comparison import Starter, against_starter, open_starter
 from lab3_usd.spec.lab import FrameSpec, Lab
@@ -113,7 +113,7 @@ def checked(folder: Path, **settings: object) -> FolderResult:
         ),
         patch.object(evidence_reader, "_facts", _facts_once),
     ):
-        return check_folder(folder, FolderSettings(**settings))  # type: ignore[arg-type]
+        return check_folder(folder, JudgeSettings(**settings))  # type: ignore[arg-type]
 
 
 def _find_once(folder: Path, listing: Listing, supplied: Path | Starter | None, lab: Lab) -> object:

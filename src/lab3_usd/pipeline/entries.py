@@ -195,17 +195,9 @@ def judge_target(settings: JudgeSettings, target: Target) -> Results:
     """Judge a stage, a script or a submission; where this program fails, that is its result."""
     try:
         if target.is_submission:
-            from lab3_usd.pipeline.folder import FolderSettings, check_folder
+            from lab3_usd.pipeline.folder import check_folder
 
-            folder = FolderSettings(
-                settings.starter,
-                settings.maps,
-                settings.require_evidence,
-                settings.heeds_ignores,
-                settings.native,
-                handed_in=settings.handed_in,
-            )
-            judged = check_folder(Path(target.path), folder)
+            judged = check_folder(Path(target.path), settings)
             return judged.results, (judged.submission,)
         if not settings.of_lab:
             return (judge_stage(target.path, settings),), ()

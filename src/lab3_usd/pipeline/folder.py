@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Iterator, Mapping
 from functools import cache
 from pathlib import Path, PurePosixPath
 
-from msgspec import Struct, field
+from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd import hooks
@@ -39,27 +39,6 @@ class _Starters(Struct, frozen=True):
 
     compared: Starter | None = None
     submitted: StarterFile | None = None
-
-
-class FolderSettings(Struct, frozen=True):
-    """What a folder is judged with: the supplied starter, and the maps of `FolderContents`.
-
-    With `require_evidence`, saved output that is missing is an error instead of a note. With
-    `heeds_ignores`, suppressed findings are left out. With `native`, OpenUSD's
-    own validators judge the stages as well. `may_open` receives each recording and map image before
-    it is opened, and says why it is not to be. `digests` are those of files by path, as far as they
-    are known. With `handed_in`, missing files are faults; without, a folder counts as work in
-    progress until it holds the last deliverables of the lab.
-    """
-
-    starter: Path | Starter | None = None
-    maps: Path | SuppliedMap | None = None
-    require_evidence: bool = False
-    heeds_ignores: bool = False
-    native: bool = False
-    may_open: Callable[[str], str] = opens_all
-    digests: Mapping[str, str] = field(default_factory=dict)
-    handed_in: bool = False
 
 
 class FolderResult(Struct, frozen=True):
@@ -93,8 +72,20 @@ def are_submission(entries: Iterable[tuple[str, bool]]) -> bool:
     )
 
 
-def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
+def check_folder(
+    folder: Path,
+    settings: JudgeSettings,
+    *,
+    supplied_map: SuppliedMap | None = None,
+    may_open: Callable[[str], str] = opens_all,
+    digests: Mapping[str, str] = {},
+) -> FolderResult:
     """Judge every stage at its checkpoint, and the folder as a whole.
+
+    The `supplied_map` counts in place of the maps of `settings`. `may_open` receives each recording
+    and map image before it is opened, and says why it is not to be. `digests` are those of files by
+    path, as far as they are known. Without `handed_in`, a folder counts as work in progress until
+    it holds the last deliverables of the lab.
 
     Raises:
         StageError: the starter that was given cannot be opened.
@@ -104,11 +95,12 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
     spec = lab.submission
     listing = list_submission(folder, lab, spec)
     lab = lab_of_team(lab, ((stage.path, number) for number, stage in listing.stages.items()))
-    contents = FolderContents(folder, listing, lab, lab.ros, spec, settings.maps)
+    maps = supplied_map or settings.maps
+    contents = FolderContents(folder, listing, lab, lab.ros, spec, maps)
     starters = find_starters(folder, contents.listing, settings.starter, lab)
-    results = dict(_results(contents, starters, settings))
+    results = dict(_results(contents, replace(settings, starter=starters.compared)))
     until = [*contents.listing.stages][-1] if contents.listing.stages else lab.last
-    entries, may_open = contents.listing.entries, settings.may_open
+    entries = contents.listing.entries
     evidence = read_saved_outputs(contents)
     if any(entry.is_recording for entry in entries):
         recordings = hooks.read_recordings(folder, entries, (lab, until), may_open)
@@ -125,7 +117,7 @@ def check_folder(folder: Path, settings: FolderSettings) -> FolderResult:
         listing=contents.listing,
         results=results,
         digests={
-            number: settings.digests.get(result.path) or _digest(Path(result.path))
+            number: digests.get(result.path) or _digest(Path(result.path))
             for number, result in results.items()
             if result.verdict != "unreadable"  # two placeholders of a cloud are no copies
         },
@@ -165,19 +157,16 @@ def _is_concluded(contents: FolderContents) -> bool:
 
 
 def _results(
-    contents: FolderContents, starters: _Starters, settings: FolderSettings
+    contents: FolderContents, settings: JudgeSettings
 ) -> Iterator[tuple[str, StageResult]]:
     """Judge the files that USD can open; the others have a finding of their own."""
     endings = (*contents.spec.stages.endings, *contents.spec.stages.openable)
-    of_stage = JudgeSettings(
-        heeds_ignores=settings.heeds_ignores, native=settings.native, starter=starters.compared
-    )
     for number, stage in contents.listing.stages.items():
         if PurePosixPath(stage.path).suffix.lower() not in endings:
             continue
         path = str(contents.root / stage.path)
         try:
-            result = judge_stage(path, of_stage, (contents.lab, number))
+            result = judge_stage(path, settings, (contents.lab, number))
         except (Lab3Error, MemoryError):
             raise
         except Exception as error:

@@ -35,8 +35,9 @@ from lab3_usd.grade.workers.worker_messages import (
     status_of,
 )
 from lab3_usd.model.finding import Crash, Finding, Report, Submission, ordered
-from lab3_usd.pipeline.folder import FolderResult, FolderSettings, check_folder
+from lab3_usd.pipeline.folder import FolderResult, check_folder
 from lab3_usd.pipeline.results import UNREADABLE, with_findings
+from lab3_usd.pipeline.stage import JudgeSettings
 from lab3_usd.pipeline.starter_comparison import Starter
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
@@ -137,14 +138,14 @@ def grade_staged(
         digests=staged.digests,
     )
     with _inside(staged.folder), opening_within(bounds):
-        settings = FolderSettings(
-            starter=setup.starter,
-            maps=setup.supplied_map,
+        folder = check_folder(
+            Path(),
+            JudgeSettings(starter=setup.starter, handed_in=True),
+            supplied_map=setup.supplied_map,
             may_open=partial(_may_open, bounds),
             digests=staged.digests,
-            handed_in=True,
         )
-        judged = _without_repairs(check_folder(Path(), settings))
+        judged = _without_repairs(folder)
         label = task.student if setup.named else _SOMEBODY
         judged = _with_fence(judged, label, staged, bounds.found.values())
         judged = _with_own_failures(judged, task.broken)
