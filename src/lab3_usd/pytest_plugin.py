@@ -23,7 +23,7 @@ from lab3_usd.files import is_script_file
 
 if TYPE_CHECKING:
     from lab3_usd.config.settings import Config
-    from lab3_usd.model.finding import Finding, Requirement, StageResult
+    from lab3_usd.model.finding import Finding, StageResult
 
 ENDINGS = (".usd", ".usda", ".usdc")
 
@@ -198,9 +198,7 @@ class LintedFile(pytest.File):
         result = lint_stage(self.path, JudgeSettings(heeds_ignores=True, config=given))
         if result.is_beside_the_point:
             return
-        item = NoFaultsItem.from_parent(self, name="lint")
-        item.result = _as_asked(result, "--lab3-lint", self.config)
-        yield item
+        yield _whole(self, "lint", _as_asked(result, "--lab3-lint", self.config))
 
 
 class CheckpointFile(pytest.File):
@@ -223,60 +221,47 @@ class CheckpointFile(pytest.File):
             )
         (result,), _ = judge_target(settings, Target(str(self.path)))
         for requirement in result.requirements:
-            item = RequirementItem.from_parent(self, name=requirement.id)
-            item.requirement, item.result = requirement, result
+            item = StageItem.from_parent(self, name=requirement.id)
+            item.title, item.faults = requirement.title, []
+            if not requirement.met:
+                group = f"/{requirement.group}"
+                findings = (each for each in result.findings if group in f"{each.prim}/")
+                item.faults = [requirement.title, *map(sentence, findings)]
             yield item
-        whole = NoFaultsItem.from_parent(self, name="no faults")
-        whole.result = _as_asked(result, "--lab3", self.config)
-        yield whole
+        yield _whole(self, "no faults", _as_asked(result, "--lab3", self.config))
 
 
-class RequirementItem(pytest.Item):
-    """Passes when the stage meets the requirement."""
+def _whole(parent: pytest.File, name: str, result: StageResult) -> StageItem:
+    """Return the test that a stage was judged, has no error, and that no rule failed itself."""
+    item = StageItem.from_parent(parent, name=name)
+    errors = (finding for finding in result.findings if finding.severity == "error")
+    item.title = "no faults"
+    item.faults = [
+        *map(sentence, errors),
+        *(f"not judged: {gap}" for gap in result.gaps),
+        *(f"rule {crash.rule} failed itself: {crash.error}" for crash in result.crashes),
+    ]
+    return item
 
-    requirement: Requirement
-    result: StageResult
+
+class StageItem(pytest.Item):
+    """Passes when there are no `faults`: what a requirement or the whole stage lacks, in lines."""
+
+    title: str
+    faults: list[str]
 
     def runtest(self) -> None:
-        """Fail with the findings that say why the requirement is not met."""
-        if not self.requirement.met:
-            group = f"/{self.requirement.group}"
-            findings = [finding for finding in self.result.findings if group in f"{finding.prim}/"]
-            raise UnmetError([self.requirement.title, *map(sentence, findings)])
+        """Fail with every fault."""
+        if self.faults:
+            raise UnmetError(self.faults)
 
     def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException]) -> str:  # type: ignore[override]
         """Say what is wrong, without a traceback."""
         return str(excinfo.value)
 
     def reportinfo(self) -> tuple[Path, int | None, str]:
-        """Name the test by its file and requirement."""
-        return self.path, None, f"{self.path.name}: {self.requirement.title}"
-
-
-class NoFaultsItem(pytest.Item):
-    """Passes when the stage was judged, nothing in it is an error, and no rule failed itself."""
-
-    result: StageResult
-
-    def runtest(self) -> None:
-        """Fail with every error of the stage, every gap, and every rule that crashed."""
-        errors = [
-            sentence(finding) for finding in self.result.findings if finding.severity == "error"
-        ]
-        crashes = [
-            f"rule {crash.rule} failed itself: {crash.error}" for crash in self.result.crashes
-        ]
-        gaps = [f"not judged: {gap}" for gap in self.result.gaps]
-        if errors or gaps or crashes:
-            raise UnmetError([*errors, *gaps, *crashes])
-
-    def repr_failure(self, excinfo: pytest.ExceptionInfo[BaseException]) -> str:  # type: ignore[override]
-        """Say what is wrong, without a traceback."""
-        return str(excinfo.value)
-
-    def reportinfo(self) -> tuple[Path, int | None, str]:
-        """Name the test by its file."""
-        return self.path, None, f"{self.path.name}: no faults"
+        """Name the test by its file and what is required."""
+        return self.path, None, f"{self.path.name}: {self.title}"
 
 
 class UnmetError(Exception):
