@@ -5,7 +5,6 @@ from __future__ import annotations
 from functools import lru_cache
 from pathlib import Path
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
@@ -15,8 +14,7 @@ from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.files import is_script_file
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import BASE
-from lab3_usd.model.finding import NodeCoverage
-from lab3_usd.model.stage import Node, StageModel
+from lab3_usd.model.stage import StageModel
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_platform
 
@@ -93,14 +91,6 @@ def lint_subject(
     return LintSubject(model, origin, is_guessed=True, parameters=parameters)
 
 
-class RosStage(Struct, frozen=True):
-    """A stage whose topics and frames are listed, and its nodes of unknown type."""
-
-    subject: LintSubject
-    coverage: NodeCoverage
-    unknown: tuple[Node, ...]
-
-
 def read_any(path: Path, platform: Platform, scene: str = "") -> StageModel:
     """Read a stage, or the one that a script leaves, over the `scene` that it loads.
 
@@ -117,18 +107,3 @@ def read_any(path: Path, platform: Platform, scene: str = "") -> StageModel:
     from lab3_usd.stage.read.stage_reader import read_stage
 
     return read_stage(path, platform)
-
-
-def read_ros(path: Path, scene: str = "", release: str = BASE) -> RosStage:
-    """Read any stage, or a script over the `scene` that it loads, by the platform of lint.
-
-    Raises:
-        StageError: the file cannot be opened, or builds no graph.
-        UsageError: a stage is given a scene, or the release is not known.
-    """
-    from lab3_usd.check.lint import lint
-    from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
-
-    subject = LintSubject(read_any(path, lint_platform(release), scene))
-    coverage = lint(subject).coverage or NodeCoverage()
-    return RosStage(subject, coverage, tuple(nodes_of_unknown_type(subject.stage)))

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, NamedTuple
 
 import click
 from msgspec import Struct
@@ -22,7 +22,7 @@ from lab3_usd.commands.shared.options import (
 from lab3_usd.commands.shared.paths import Input, OutputFile
 
 if TYPE_CHECKING:
-    from lab3_usd.pipeline.any_stage import RosStage
+    from lab3_usd.model.stage import Node, StageModel
     from lab3_usd.report.picture.model import Picture
 
 
@@ -65,17 +65,36 @@ def published_options(forms: Sequence[str], what: str, drawing: str, verbose: st
     )
 
 
-def read_published(stage: Path, asked: PublishedOptions) -> tuple[RosStage, str]:
-    """Return a stage, and what of it was not judged in words."""
+class PublishedStage(NamedTuple):
+    """A stage that was read, its nodes of unknown types, and what was not judged, in words."""
+
+    model: StageModel
+    unknown: tuple[Node, ...]
+    not_judged: str
+
+
+def read_published(path: Path, asked: PublishedOptions) -> PublishedStage:
+    """Read any stage, or a script over the scene that it loads, by the platform of lint.
+
+    Raises:
+        StageError: the file cannot be opened, or builds no graph.
+        UsageError: a stage is given a scene, or the release is not known.
+    """
+    from lab3_usd.check.lint import lint
+    from lab3_usd.check.match.rule_inputs import LintSubject
+    from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
     from lab3_usd.isaac.releases import BASE
-    from lab3_usd.pipeline.any_stage import read_ros
+    from lab3_usd.model.finding import NodeCoverage
+    from lab3_usd.pipeline.any_stage import lint_platform, read_any
     from lab3_usd.report.entries import coverage_line
     from lab3_usd.report.safe_text import printable
 
-    use_config(stage, asked.assets)
+    use_config(path, asked.assets)
     leave_broken_lab()
-    ros = read_ros(stage, asked.scene or "", asked.release or BASE)
-    return ros, printable(coverage_line(ros.coverage))
+    model = read_any(path, lint_platform(asked.release or BASE), asked.scene or "")
+    coverage = lint(LintSubject(model)).coverage or NodeCoverage()
+    unknown = tuple(nodes_of_unknown_type(model))
+    return PublishedStage(model, unknown, printable(coverage_line(coverage)))
 
 
 def write_published(picture: Picture, path: Path, *, force: bool) -> None:
@@ -86,13 +105,13 @@ def write_published(picture: Picture, path: Path, *, force: bool) -> None:
     echo(path)
 
 
-def print_published(lines: Iterable[str], ros: RosStage, not_judged: str, mark: str = "") -> None:
+def print_published(lines: Iterable[str], stage: PublishedStage, mark: str = "") -> None:
     """Print lines, and behind a mark what could add to them."""
     from lab3_usd.report.entries import missing_line
     from lab3_usd.report.safe_text import folded, printable
     from lab3_usd.report.topic_table import WIDTH
 
-    missing = printable(missing_line(asset.asset for asset in ros.subject.stage.unresolved))
-    texts = filter(None, (not_judged, missing))
+    missing = printable(missing_line(asset.asset for asset in stage.model.unresolved))
+    texts = filter(None, (stage.not_judged, missing))
     rest = [line for text in texts for line in folded(mark + text, WIDTH, rest=" " * len(mark))]
     click.echo("\n".join([*lines, *rest]))

@@ -47,8 +47,8 @@ def command(stage: Path, asked: PublishedOptions) -> None:
     from lab3_usd.report.tf_tree import TreeReport, as_lines, tree_json
     from lab3_usd.spec.load.loader import load_lab
 
-    ros, not_judged = read_published(stage, asked)
-    model = ros.subject.stage
+    published = read_published(stage, asked)
+    model = published.model
     edges, hidden = all_edges(model), all_unresolved_frames(model)
     rates = {end.node.path: end.rate for end in endpoints(model)}
     tops = frozenset(top for heard in trees_of(edges) for top in known_tops(heard, model))
@@ -59,12 +59,12 @@ def command(stage: Path, asked: PublishedOptions) -> None:
     reserved = lab.frames.reserved if checkpoint_of(stage.name, lab) else {}
     tree = TreeReport(str(stage), edges, unknown, reserved, hidden, rates, tops)
     if asked.picture is not None:
-        picture = published_frames_picture(tree, not_judged)
+        picture = published_frames_picture(tree, published.not_judged)
         write_published(picture, asked.picture, force=asked.force)
     elif asked.form == "text":
         lines = as_lines(tree, terminal_width(), verbose=asked.verbose)
-        print_published(lines, ros, not_judged, mark="? ")
+        print_published(lines, published, mark="? ")
     elif asked.form == "dot":
-        click.echo(graphviz(published_frames_picture(tree, not_judged)), nl=False)
+        click.echo(graphviz(published_frames_picture(tree, published.not_judged)), nl=False)
     else:
         click.echo(tree_json(tree))

@@ -36,11 +36,11 @@ def command(stage: Path, asked: PublishedOptions) -> None:
     from lab3_usd.report.pictures.topic_picture import topics_picture
     from lab3_usd.report.topic_table import WIDTH, TopicReport, as_csv, as_json, as_table
 
-    ros, not_judged = read_published(stage, asked)
-    model = ros.subject.stage
+    published = read_published(stage, asked)
+    model = published.model
     ends = endpoints(model)
     if asked.picture is not None:
-        picture = topics_picture(stage.name, ends, ros.unknown, not_judged)
+        picture = topics_picture(stage.name, ends, published.unknown, published.not_judged)
         write_published(picture, asked.picture, force=asked.force)
         return
     table = TopicReport(str(stage), ends, all_edges(model), all_unresolved_frames(model))
@@ -50,4 +50,4 @@ def command(stage: Path, asked: PublishedOptions) -> None:
         click.echo(as_json(table))
     else:
         columns = terminal_width() if asked.verbose else WIDTH
-        print_published(as_table(table, columns, verbose=asked.verbose), ros, not_judged)
+        print_published(as_table(table, columns, verbose=asked.verbose), published)
