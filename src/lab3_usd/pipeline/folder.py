@@ -28,7 +28,7 @@ from lab3_usd.pipeline.deliverables import (
 )
 from lab3_usd.pipeline.results import FAILED, crashed, is_stage_file
 from lab3_usd.pipeline.stage import JudgeSettings, judge_stage
-from lab3_usd.pipeline.starter_comparison import Starter, open_starter
+from lab3_usd.pipeline.starter_comparison import Starter, open_starter, opened_starter
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import named_checkpoint
@@ -252,7 +252,7 @@ def find_starters(
     Raises:
         StageError: the supplied starter cannot be opened.
     """
-    trusted = open_starter(supplied, lab) if isinstance(supplied, Path) else supplied
+    trusted = None if supplied is None else opened_starter(supplied, lab)
     if listing.starter is None:
         return _Starters(trusted)
     submitted = StarterFile(listing.starter)

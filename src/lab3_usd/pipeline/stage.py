@@ -9,7 +9,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
-from lab3_usd.check.rule_runs import RuleResults
+from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.config.settings import Config
 from lab3_usd.data import program
 from lab3_usd.errors import StageError, UsageError
@@ -21,6 +21,7 @@ from lab3_usd.pipeline.results import (
     located_findings,
     scopes_run,
     unreadable_result,
+    with_findings,
     without_ignored,
 )
 from lab3_usd.spec.lab import Lab
@@ -169,14 +170,35 @@ def judge_stage(
             from lab3_usd.pipeline.starter_comparison import against_starter, opened_starter
 
             result = against_starter(result, opened_starter(settings.starter, at[0]), at[0])
-        if settings.native:
-            from lab3_usd.pipeline.native_results import with_native
-
-            result = with_native(result)
+        if settings.native and result.verdict != "unreadable":
+            result = _with_native(result, stage)
         if settings.heeds_ignores:
             more = scopes_run(starter=settings.starter, native=settings.native)
             result = without_ignored(result, more)
     return result
+
+
+def _with_native(result: StageResult, stage: Any) -> StageResult:
+    """Return the result of an open stage together with what OpenUSD's validators say.
+
+    Requirements and score stay as they are: no lab asks for these.
+
+    Raises:
+        UsageError: the installed usd-core has no validators.
+    """
+    from lab3_usd.model.native import FAMILY, NativeErrors
+    from lab3_usd.stage.read.native_validators import native_errors
+    from lab3_usd.stage.read.opening import stage_errors
+
+    try:
+        with stage_errors(result.path):
+            errors = native_errors(stage, result.path)
+    except StageError as error:  # of a prim that no other rule asks for
+        return unreadable_result(result.path, result.checkpoint, error)
+    judged = run_family("native", FAMILY, NativeErrors(errors), None)
+    findings = located_findings(judged.findings, result.path, stage)
+    crashes = (*result.crashes, *judged.crashes)
+    return with_findings(replace(result, crashes=crashes), (*result.findings, *findings))
 
 
 def judge_open_stage(stage: Any, lab: Lab | None = None) -> RuleResults:

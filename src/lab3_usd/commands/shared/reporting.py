@@ -76,9 +76,9 @@ def wants_native(*, is_given: bool, select: Sequence[str]) -> bool:
 
     if not is_given and FAMILY not in map(family_of, select):
         return False
-    from lab3_usd.pipeline.native_results import require_native
+    from lab3_usd.stage.read.native_validators import native_validation
 
-    require_native()
+    native_validation()
     return True
 
 
