@@ -13,6 +13,8 @@ from lab3_usd.report.picture.model import (
     Bezier,
     Box,
     Curve,
+    Family,
+    Kind,
     LegendEntry,
     Picture,
     Point,
@@ -144,20 +146,24 @@ LEGEND_LINE = 24.0
 ENTRY_SPACE = 26.0
 SMALLEST = 620.0
 
-GRAPH_LEGEND = (LegendEntry("data", "data wire"), LegendEntry("execution", "execution wire"))
-TF_LEGEND = (
-    LegendEntry("data", "published by the stage"),
-    LegendEntry("execution", "published elsewhere, or perhaps"),
-)
-UNKNOWN_ENTRY = LegendEntry("absent", "unknown: asset not found")
-FAMILY_ENTRIES = {
+LINES: dict[Kind, tuple[str, str]] = {  # what whole and dashed lines mean
+    "frames": ("published by the stage", "published elsewhere, or perhaps"),
+    "topics": ("sent", "perhaps sent, or never"),
+}
+FAMILIES: dict[Kind, dict[Family, LegendEntry]] = {
+    "frames": {"absent": LegendEntry("absent", "unknown: asset not found")},
+    "topics": {
+        "ros": LegendEntry("ros", "node"),
+        "data": LegendEntry("family-data", "topic"),
+        "absent": LegendEntry("absent", "not judged"),
+    },
+}
+OF_GRAPHS: dict[Family, LegendEntry] = {
     "event": LegendEntry("event", "event"),
     "ros": LegendEntry("ros", "ROS 2"),
     "action": LegendEntry("action", "runs when triggered"),
     "data": LegendEntry("family-data", "gives data"),
 }
-TOPIC_LEGEND = (LegendEntry("data", "sent"), LegendEntry("execution", "perhaps sent, or never"))
-TOPIC_FAMILIES = (LegendEntry("ros", "node"), LegendEntry("family-data", "topic"))
 
 
 def on_canvas(picture: Picture) -> Picture:
@@ -211,20 +217,13 @@ def _moved(curve: Curve, across: float, down: float) -> Curve:
 
 def _legend_entries(picture: Picture) -> Iterator[LegendEntry]:
     """Yield the entries of what is drawn: kinds of lines, families of boxes, states."""
+    texts = LINES.get(picture.kind, ("data wire", "execution wire"))
+    for is_dashed, kind, text in zip((False, True), ("data", "execution"), texts, strict=True):
+        if any(curve.dashed is is_dashed for curve in picture.curves):
+            yield LegendEntry(kind, text)
     families = {box.family for box in picture.boxes}
-    dashes = {"execution" if curve.dashed else "data" for curve in picture.curves}
-    lines = {"topics": TOPIC_LEGEND, "frames": TF_LEGEND}.get(picture.kind, GRAPH_LEGEND)
-    yield from (entry for entry in lines if entry.kind in dashes)
-    if picture.kind == "topics":
-        of_topics = {"ros": TOPIC_FAMILIES[0], "data": TOPIC_FAMILIES[1]}
-        yield from (entry for family, entry in of_topics.items() if family in families)
-        if UNKNOWN_ENTRY.kind in families:
-            yield replace(UNKNOWN_ENTRY, text="not judged")
-    elif picture.kind == "frames":
-        if UNKNOWN_ENTRY.kind in families:
-            yield UNKNOWN_ENTRY
-    else:
-        yield from (entry for family, entry in FAMILY_ENTRIES.items() if family in families)
+    named = FAMILIES.get(picture.kind, OF_GRAPHS)
+    yield from (entry for family, entry in named.items() if family in families)
     if picture.judged:
         seen = {box.frame for box in picture.boxes} | {curve.state for curve in picture.curves}
         seen |= {row.state for box in picture.boxes for row in box.rows}
