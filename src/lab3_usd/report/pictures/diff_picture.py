@@ -21,6 +21,7 @@ from lab3_usd.report.pictures.node_boxes import (
     findings_by_site,
     node_box,
     wire_ends,
+    wires_into,
 )
 
 NodePair = tuple[Node | None, Node | None]
@@ -101,8 +102,8 @@ def _box(
         key,
         None,
         after or before,
-        {end.port: state for end, state in arriving.items() if end.key == key},
-        {end.port: state for end, state in leaving.items() if end.key == key},
+        arriving.get(key, {}),
+        leaving.get(key, {}),
         findings,
     )
     edit: ChangeKind | None = None
@@ -140,15 +141,10 @@ def _curves(graph: GraphVersions, keys: Mapping[str, NodePair]) -> Iterator[Curv
 
 def _wires(nodes: Iterable[Node | None], key: Callable[[str], str]) -> Wires:
     """Return the ends of each wire, and whether it carries execution."""
-    wires: Wires = {}
-    for node in filter(None, nodes):
-        for name, state in node.ports.items():
-            port = None if node.type is None else node.type.port(name)
-            for source in state.sources:
-                prim, _, output = source.rpartition(".")
-                target = End(key(node.path), name)
-                wires[End(key(prim), output), target] = port is not None and port.is_execution
-    return wires
+    return {
+        (End(key(source.key), source.port), End(key(target.key), target.port)): is_execution
+        for source, target, is_execution in wires_into(filter(None, nodes))
+    }
 
 
 def _counts_text(path: str, boxes: Sequence[Box], curves: Sequence[Curve]) -> str:

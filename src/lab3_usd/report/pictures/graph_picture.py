@@ -41,6 +41,7 @@ from lab3_usd.report.pictures.node_boxes import (
     node_box,
     reference_roles,
     wire_ends,
+    wires_into,
 )
 from lab3_usd.report.pictures.tf_picture import frames_picture, published_frames_picture
 from lab3_usd.report.tf_tree import TreeReport
@@ -92,22 +93,15 @@ def judged_wires(
 def _real_wires(
     graph: GraphModel, sources: Mapping[End, End], node_roles: NodeRoles
 ) -> Iterator[tuple[tuple[End, End], bool]]:
-    """Yield the ends of each wire in the file, and whether it carries execution."""
-    for node in graph.nodes:
-        for name, state in node.ports.items():
-            port = None if node.type is None else node.type.port(name)
-            target = End(node.path, name)
-            for path in state.sources:
-                prim, _, prop = path.rpartition(".")
-                source = End(prim, prop)
-                expected = sources.get(target)
-                if (
-                    expected is not None
-                    and expected.key in node_roles.missing
-                    and prim not in node_roles.nodes
-                ):
-                    continue  # the dead source is the missing node, whose wires are missing
-                yield (source, target), port is not None and port.is_execution
+    """Yield the ends of each wire in the file, and whether it carries execution.
+
+    A dead source that stands for a missing node is left out: its wires are missing.
+    """
+    for source, target, is_execution in wires_into(graph.nodes):
+        expected = sources.get(target)
+        is_dead = expected is not None and expected.key in node_roles.missing
+        if not is_dead or source.key in node_roles.nodes:
+            yield (source, target), is_execution
 
 
 def _is_missing(
@@ -197,9 +191,9 @@ def graph_picture(
     # A line per finding on the graph itself; missing nodes are drawn instead.
     remarks = [
         Remark(STATE_OF[finding.severity], clip_end(finding.message, MOST_LETTERS))
-        for (prim, _), members in by_site.at.items()
+        for members in by_site.at.get(path, {}).values()
         for finding in members
-        if prim == path and finding.actual is not None
+        if finding.actual is not None
     ]
     return on_canvas(
         Picture(
@@ -226,7 +220,7 @@ def _role_boxes(
     boxes = []
     for role, key in node_roles.box_keys.items():
         node, node_spec = node_roles.nodes.get(key), spec.nodes[role]
-        ports = (_ports_of(arriving, key), _ports_of(leaving, key))
+        ports = (arriving.get(key, {}), leaving.get(key, {}))
         state = findings.state(key)
         if key in node_roles.missing:
             state = "missing"
@@ -252,16 +246,12 @@ def _roleless_boxes(
     for key, node in node_roles.nodes.items():
         if key in drawn:
             continue
-        ports = (_ports_of(arriving, key), _ports_of(leaving, key))
+        ports = (arriving.get(key, {}), leaving.get(key, {}))
         state = findings.state(key)
         unused = node_roles.box_keys and key in node_roles.unassigned and state != "wrong"
         subject = BoxSubject(key, None, node, *ports, findings, every_port, kind)
         roleless.append(node_box(subject, "extra" if unused else state))
     return roleless
-
-
-def _ports_of(all_ends: Mapping[End, State], key: str) -> dict[str, State]:
-    return {end.port: state for end, state in all_ends.items() if end.key == key}
 
 
 def outside_boxes(

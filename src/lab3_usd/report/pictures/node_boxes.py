@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import cached_property
 
 from msgspec import Struct, field
 from msgspec.structs import replace
@@ -12,7 +11,6 @@ from lab3_usd.check.match.rule_inputs import Roles
 from lab3_usd.isaac.graph import PortRef
 from lab3_usd.isaac.node_types import INPUT, NodeType, Port
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.changes import Site
 from lab3_usd.model.finding import SEVERITIES, Finding
 from lab3_usd.model.stage import GraphModel, Node, Unknown
 from lab3_usd.report.picture.model import (
@@ -33,75 +31,62 @@ from lab3_usd.report.picture.model import (
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 
 
-class SiteFindings(Struct, frozen=True, dict=True):
-    """The findings at each site, the gravest first."""
+class SiteFindings(Struct, frozen=True):
+    """The findings at each prim, by property (None for the prim itself), the gravest first."""
 
-    at: Mapping[Site, tuple[Finding, ...]] = field(default_factory=dict)
+    at: Mapping[str, Mapping[str | None, Sequence[Finding]]] = field(default_factory=dict)
 
     def state(self, prim: str, prop: str | None = None) -> State:
         """Return how the site is drawn: wrong for an error, warned for a warning, else ok.
 
         Properties that are no ports (a node's type) count for the node.
         """
-        findings = self._findings(prim, prop)
-        if not findings:  # as at most sites
-            return "ok"
-        severities = {finding.severity for finding in findings}
+        severities = {finding.severity for finding in self._findings(prim, prop)}
         if "error" in severities:
             return "wrong"
         return "warned" if "warning" in severities else "ok"
 
     def note(self, prim: str, prop: str | None = None) -> str:
         """Return the messages at the site, one per line."""
-        findings = self._findings(prim, prop)
-        return "\n".join([finding.message for finding in findings]) if findings else ""
+        return "\n".join(finding.message for finding in self._findings(prim, prop))
 
     def _findings(self, prim: str, prop: str | None) -> Sequence[Finding]:
-        properties = self._properties(prim) if prop is None else ()
-        if not properties:
-            return self.at.get((prim, prop), ())
-        sites = (None, *sorted(name for name in properties if not is_port(name)))
-        return [finding for site in sites for finding in self.at.get((prim, site), ())]
-
-    def _properties(self, prim: str) -> frozenset[str]:
-        return self._by_prim.get(prim, frozenset())
-
-    @cached_property
-    def _by_prim(self) -> dict[str, frozenset[str]]:
-        """The properties that findings name, by prim."""
-        by_prim: dict[str, set[str]] = {}
-        for prim, prop in self.at:
-            if prop is not None:
-                by_prim.setdefault(prim, set()).add(prop)
-        return {prim: frozenset(properties) for prim, properties in by_prim.items()}
+        properties = self.at.get(prim, {})
+        if prop is not None:
+            return properties.get(prop, ())
+        others = sorted(name for name in properties if name is not None and not is_port(name))
+        return [finding for name in (None, *others) for finding in properties.get(name, ())]
 
     def expected(self, prim: str, prop: str) -> str | None:
         """Return what the site should hold, where an error or warning says it."""
-        for finding in self.at.get((prim, prop), ()):
+        for finding in self._findings(prim, prop):
             if finding.severity != "note" and finding.expected is not None:
                 return finding.expected
         return None
 
-    def ports(self, prim: str) -> frozenset[str]:
-        """Return the ports of a prim that a finding names."""
-        return frozenset(prop for prop in self._properties(prim) if is_port(prop))
+    def ports(self, prim: str) -> list[str]:
+        """Return the ports of a prim that a finding names, in order."""
+        return sorted(prop for prop in self.at.get(prim, ()) if prop is not None and is_port(prop))
 
 
 def findings_by_site(findings: Iterable[Finding]) -> SiteFindings:
     """Sort findings by site; one that names a second port, as of exchanged values, is at both."""
-    by_site: dict[Site, list[Finding]] = {}
+    by_site: dict[str, dict[str | None, list[Finding]]] = {}
+
+    def add(finding: Finding, prim: str, prop: str | None) -> None:
+        by_site.setdefault(prim, {}).setdefault(prop, []).append(finding)
+
     for finding in findings:
-        by_site.setdefault((finding.prim, finding.property), []).append(finding)
+        add(finding, finding.prim, finding.property)
         name = finding.prim.rpartition("/")[2]
         for prim, dot, port in (site.rpartition(".") for site in finding.related):
             if dot:
                 twin = replace(finding, message=f"{name}: {finding.message}", expected=None)
-                by_site.setdefault((prim, port), []).append(twin)
-
-    def severity(finding: Finding) -> int:
-        return SEVERITIES.index(finding.severity)
-
-    return SiteFindings({site: tuple(sorted(by_site[site], key=severity)) for site in by_site})
+                add(twin, prim, port)
+    for properties in by_site.values():
+        for members in properties.values():
+            members.sort(key=lambda finding: SEVERITIES.index(finding.severity))
+    return SiteFindings(by_site)
 
 
 class NodeRoles(Struct, frozen=True):
@@ -228,7 +213,7 @@ def _port_names(subject: BoxSubject) -> list[str]:
     if subject.type is None and subject.node is not None:
         names |= dict.fromkeys(subject.node.ports)
     names |= dict.fromkeys([*subject.arriving, *subject.leaving])
-    return list(names | dict.fromkeys(sorted(subject.findings.ports(subject.key))))
+    return list(names | dict.fromkeys(subject.findings.ports(subject.key)))
 
 
 def _side(subject: BoxSubject, name: str, port: Port | None) -> Side:
@@ -328,16 +313,30 @@ def prim_lines(prims: tuple[str, ...]) -> tuple[str, ...]:
 MOST_TITLE = 44
 
 
-def wire_ends(curves: Sequence[Curve]) -> tuple[dict[End, State], dict[End, State]]:
+Ends = Mapping[str, Mapping[str, State]]  # the ports of each box with a wire, and their states
+
+
+def wire_ends(curves: Sequence[Curve]) -> tuple[Ends, Ends]:
     """Return the ports where wires arrive and those where they leave, with their worst state."""
-    arriving: dict[End, State] = {}
-    leaving: dict[End, State] = {}
+    arriving: dict[str, dict[str, State]] = {}
+    leaving: dict[str, dict[str, State]] = {}
     for curve in curves:
-        if arriving.get(curve.target, "ok") == "ok":
-            arriving[curve.target] = curve.state
-        if leaving.get(curve.source, "ok") == "ok":
-            leaving[curve.source] = curve.state
+        for ends, end in ((arriving, curve.target), (leaving, curve.source)):
+            ports = ends.setdefault(end.key, {})
+            if ports.get(end.port, "ok") == "ok":
+                ports[end.port] = curve.state
     return arriving, leaving
+
+
+def wires_into(nodes: Iterable[Node]) -> Iterator[tuple[End, End, bool]]:
+    """Yield the ends of each wire that leads into nodes, and whether it carries execution."""
+    for node in nodes:
+        for name, state in node.ports.items():
+            port = None if node.type is None else node.type.port(name)
+            for source in state.sources:
+                prim, _, output = source.rpartition(".")
+                is_execution = port is not None and port.is_execution
+                yield End(prim, output), End(node.path, name), is_execution
 
 
 def node_box(subject: BoxSubject, state: State) -> Box:
@@ -398,9 +397,8 @@ def family(node_type: NodeType | None) -> Family:
 def _title(subject: BoxSubject) -> str:
     if subject.type is not None:
         return subject.type.ui_name
-    if subject.node is None:
-        return ""
-    return subject.node.type_name.rpartition(".")[2] or "node without a type"
+    type_name = "" if subject.node is None else subject.node.type_name
+    return type_name.rpartition(".")[2] or "node without a type"
 
 
 def _subtitle(subject: BoxSubject, state: State) -> str:
