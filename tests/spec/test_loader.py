@@ -605,7 +605,7 @@ def refused_in_one_line(parse: Callable[[Data], object], wrong: Data) -> bool:
 
 def parse_all_checkpoints(data: Data) -> None:
     lab = load_lab()
-    accumulate(read_checkpoint_file(data), lab.graphs, tuple(lab.sensors))
+    accumulate(read_checkpoint_file(data), lab.graphs, lab.sensors)
 
 
 @pytest.mark.parametrize("file", GRAPH_FILES)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Mapping
+from collections.abc import Collection, Iterable, Mapping
 from typing import Any, ClassVar
 
 from msgspec import Struct
@@ -19,7 +19,7 @@ from lab3_usd.spec.lab import (
     Policy,
     Removal,
 )
-from lab3_usd.spec.scene import SceneSpec
+from lab3_usd.spec.scene import SensorSpec
 from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import as_record
 
@@ -171,66 +171,47 @@ def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
 
 
 def accumulate(
-    content: CheckpointFile, graphs: Mapping[str, GraphSpec], sensors: tuple[str, ...]
+    content: CheckpointFile, graphs: Mapping[str, GraphSpec], sensors: Mapping[str, SensorSpec]
 ) -> dict[str, Checkpoint]:
     """Return the checkpoints in order, each with all that the earlier ones added.
 
     Raises:
         SpecError: one names a graph or sensor that does not exist, or that is there already.
     """
+    paths = {name: graph.path for name, graph in graphs.items()}
+    paths |= {name: sensor.path for name, sensor in sensors.items()}
     checkpoints: dict[str, Checkpoint] = {}
     previous = Checkpoint("", "", "", "", (), (), (), ())
     for key, entry in content.entries.items():
         where = f"{CHECKPOINTS}: checkpoint '{key}'"
-        _check_known(entry.adds.graphs, tuple(graphs), f"{where}: graphs")
-        _check_known(entry.adds.sensors, sensors, f"{where}: sensors")
-        _check_removable((gone.path for gone in entry.removals), previous, f"{where}: removes")
-        checkpoint = _checkpoint(key, entry, content.files, previous)
+        adds, checkpoint_id, removed = entry.adds, content.ids[key], entry.removals
+        _check_known(adds.graphs, graphs, f"{where}: graphs")
+        _check_known(adds.sensors, sensors, f"{where}: sensors")
+        _check_removable((gone.path for gone in removed), previous, f"{where}: removes")
+        named = {gone.path for gone in removed}
+        checkpoint = Checkpoint(
+            id=checkpoint_id,
+            key=key,
+            file=content.files.replace("{id}", checkpoint_id).replace("{name}", entry.name),
+            title=entry.title,
+            part=entry.part,
+            graphs=(*(name for name in previous.graphs if name not in named), *adds.graphs),
+            new=adds.graphs,
+            sensors=(*(name for name in previous.sensors if name not in named), *adds.sensors),
+            new_sensors=adds.sensors,
+            frames=previous.frames or adds.frames,
+            topics=previous.topics or adds.topics,
+            localization=previous.localization or adds.localization,
+            optional=entry.optional,
+            removals=(
+                *previous.removals,
+                *(replace(gone, path=paths.get(gone.path, gone.path)) for gone in removed),
+            ),
+        )
         _check_new(checkpoint, checkpoints.values(), where)
         checkpoints[checkpoint.id] = checkpoint
         previous = previous if entry.optional else checkpoint
     return checkpoints
-
-
-def _checkpoint(key: str, entry: CheckpointEntry, files: str, previous: Checkpoint) -> Checkpoint:
-    adds, checkpoint_id = entry.adds, entry.id or key
-    return Checkpoint(
-        id=checkpoint_id,
-        key=key,
-        file=files.replace("{id}", checkpoint_id).replace("{name}", entry.name),
-        title=entry.title,
-        part=entry.part,
-        graphs=(*_kept(previous.graphs, entry), *adds.graphs),
-        new=adds.graphs,
-        sensors=(*_kept(previous.sensors, entry), *adds.sensors),
-        new_sensors=adds.sensors,
-        frames=previous.frames or adds.frames,
-        topics=previous.topics or adds.topics,
-        localization=previous.localization or adds.localization,
-        optional=entry.optional,
-        removals=(*previous.removals, *entry.removals),
-    )
-
-
-def _kept(names: Iterable[str], entry: CheckpointEntry) -> tuple[str, ...]:
-    gone = {removal.path for removal in entry.removals}
-    return tuple(name for name in names if name not in gone)
-
-
-def removals(
-    checkpoints: Mapping[str, Checkpoint], graphs: Mapping[str, GraphSpec], scene: SceneSpec
-) -> dict[str, Checkpoint]:
-    """Return the checkpoints with the paths of what they have removed instead of names."""
-
-    def at_path(removal: Removal) -> Removal:
-        return replace(removal, path=paths.get(removal.path, removal.path))
-
-    paths = {name: graph.path for name, graph in graphs.items()}
-    paths |= {name: sensor.path for name, sensor in scene.sensors.items()}
-    return {
-        key: replace(point, removals=tuple(map(at_path, point.removals)))
-        for key, point in checkpoints.items()
-    }
 
 
 def with_ids(data: Any, ids: Mapping[str, str]) -> Any:
@@ -252,7 +233,7 @@ def with_ids(data: Any, ids: Mapping[str, str]) -> Any:
     return said
 
 
-def _check_known(names: Iterable[str], available: tuple[str, ...], where: str) -> None:
+def _check_known(names: Iterable[str], available: Collection[str], where: str) -> None:
     for name in names:
         if name not in available:
             raise SpecError(f"{where}: there is no '{name}'; known are {', '.join(available)}")

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from string import Formatter
 from typing import Any
@@ -16,17 +16,13 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import typed_value
 from lab3_usd.spec import ros
 from lab3_usd.spec.contradictions.names import graph_frames, graph_topics
-from lab3_usd.spec.graph import GraphSpec
 from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, Policy
 from lab3_usd.spec.load.checkpoints import (
-    CheckpointFile,
     accumulate,
     read_checkpoint_file,
-    removals,
     with_ids,
 )
 from lab3_usd.spec.load.graph_file import parse_graph
-from lab3_usd.spec.positions import located
 from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.scene import (
     ForbiddenPrims,
@@ -78,7 +74,8 @@ def _ros_data(folder: Path) -> dict[str, Any]:
 
 def _ros_spec(data: Mapping[str, Any]) -> ros.RosSpec:
     content = as_record(data, RosFile, ROS)
-    kinds = records(_evidence(content), ros.EvidenceKind, f"{ROS}: evidence")
+    evidence = _bundled_ros()["evidence"] if content.evidence is None else content.evidence
+    kinds = records(evidence, ros.EvidenceKind, f"{ROS}: evidence")
     for name, kind in kinds.items():
         for key, text, placeholders in (
             ("run", kind.run, ("of", "to")),
@@ -121,14 +118,6 @@ def _refuse_placeholders(text: str, allowed: tuple[str, ...], where: str) -> Non
         if name not in allowed:
             listed = ", ".join(f"{{{each}}}" for each in allowed)
             raise SpecError(f"{where}: '{{{name}}}' is not a placeholder; known are {listed}")
-
-
-def _evidence(content: RosFile) -> _ByName:
-    """Return how diagnostic commands are written: as in the bundled lab by default."""
-    if content.evidence is not None:
-        return content.evidence
-    evidence: _ByName = _bundled_ros()["evidence"]
-    return evidence
 
 
 def _bundled_ros() -> dict[str, Any]:
@@ -256,22 +245,7 @@ def load_submission(folder: Path, ids: Mapping[str, str]) -> SubmissionSpec:
     )
 
 
-def assemble_lab(folder: Path, platform_of: Callable[[Path], Platform], team: str = "") -> Lab:
-    """Read every file of the lab; `platform_of` gives Isaac Sim with the node types of a folder.
-
-    Values by team are those of `team`, '' for the first one.
-
-    Raises:
-        SpecError: a file is missing or wrong; the line ends with its place in the file.
-    """
-    _refuse_no_lab(folder)
-    try:
-        return _assembled(folder, platform_of(folder), team)
-    except SpecError as error:
-        raise located(error, folder) from error
-
-
-def _refuse_no_lab(folder: Path) -> None:
+def refuse_no_lab(folder: Path) -> None:
     """Refuse a folder that describes no lab at all.
 
     Raises:
@@ -285,16 +259,32 @@ def _refuse_no_lab(folder: Path) -> None:
         raise SpecError(f"{folder}: {what}; name a folder that describes a lab ({write})")
 
 
-def _assembled(folder: Path, platform: Platform, team: str) -> Lab:
+def assemble_lab(folder: Path, platform: Platform, team: str) -> Lab:
+    """Read every file of the lab, with the values of a team, '' for the first one.
+
+    Raises:
+        SpecError: a file is missing or wrong; the line names file, graph, role and port.
+    """
     checkpoints = read_yaml(folder / CHECKPOINTS)
     pattern = {"files": checkpoints.get("files")}  # whose place for the team is each team's
     content = read_checkpoint_file(of_team(checkpoints, team or FIRST_TEAM) | pattern)
-    written = {f"{name}.yaml": data for name, data in _graph_files(folder, content).items()}
+    written = {}
+    for name in content.graph_names():
+        file = f"{name}.yaml"
+        if not (folder / file).is_file():
+            raise SpecError(f"{CHECKPOINTS}: asks for the graph '{name}', but there is no {file}")
+        written[file] = read_yaml(folder / file)
     written |= {SCENE: read_yaml(folder / SCENE), ROS: _ros_data(folder)}
     written |= {CHECKPOINTS: {key: checkpoints[key] for key in checkpoints if key not in pattern}}
     files = {file: of_team(data, team or FIRST_TEAM) for file, data in written.items()}
     said = {file: with_ids(data, content.ids) for file, data in files.items()}
-    graphs = {name: _graph(name, said[f"{name}.yaml"], platform) for name in content.graph_names()}
+    graphs = {}
+    for name in content.graph_names():
+        file = f"{name}.yaml"
+        graphs[name] = parse_graph(said[file], platform, file)
+        if graphs[name].name != name:
+            wrong = f"describes the graph '{graphs[name].name}', expected '{name}'"
+            raise SpecError(f"{file}: {wrong}")
     scene = parse_scene(said[SCENE])
     _refuse_other_names(content.policy, platform)
     lab = Lab(
@@ -302,7 +292,7 @@ def _assembled(folder: Path, platform: Platform, team: str) -> Lab:
         title=content.title,
         platform=_with_sensors(platform, scene),
         graphs=graphs,
-        checkpoints=removals(accumulate(content, graphs, tuple(scene.sensors)), graphs, scene),
+        checkpoints=accumulate(content, graphs, scene.sensors),
         policy=content.policy,
         frames=content.frames,
         ros=_ros_spec(said[ROS]),
@@ -380,21 +370,3 @@ def _with_sensors(platform: Platform, scene: SceneSpec) -> Platform:
         placed=platform.placed | types,
         attributes=platform.attributes | attributes,
     )
-
-
-def _graph_files(folder: Path, content: CheckpointFile) -> dict[str, dict[str, Any]]:
-    files = {}
-    for name in content.graph_names():
-        file = f"{name}.yaml"
-        if not (folder / file).is_file():
-            raise SpecError(f"{CHECKPOINTS}: asks for the graph '{name}', but there is no {file}")
-        files[name] = read_yaml(folder / file)
-    return files
-
-
-def _graph(name: str, data: Mapping[str, Any], platform: Platform) -> GraphSpec:
-    file = f"{name}.yaml"
-    spec = parse_graph(data, platform, file)
-    if spec.name != name:
-        raise SpecError(f"{file}: describes the graph '{spec.name}', expected '{name}'")
-    return spec

@@ -128,11 +128,16 @@ def assemble(folder: Path, team: str = "") -> Lab:
     """Read the lab of `folder` for a team, without holding its files against each other.
 
     Raises:
-        SpecError: a file is missing or wrong; the line names file, graph, role and port.
+        SpecError: a file is missing or wrong; the line ends with its place in the file.
     """
-    from lab3_usd.spec.load.lab import assemble_lab
+    from lab3_usd.spec.load.lab import assemble_lab, refuse_no_lab
+    from lab3_usd.spec.positions import located
 
-    return assemble_lab(folder, _platform_of, team)
+    refuse_no_lab(folder)
+    try:
+        return assemble_lab(folder, _platform_of(folder), team)
+    except SpecError as error:
+        raise located(error, folder) from error
 
 
 @lru_cache(maxsize=16)
