@@ -16,7 +16,7 @@ from lab3_usd.new_lab.lab import describe_lab, write_folder
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.contradictions.references import lab_faults
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import load_lab
 
 COMPUTE = "/ActionGraph/frames"
 TARGETS, PARENT = "inputs:targetPrims", "inputs:parentPrim"
@@ -42,8 +42,7 @@ def folder(tmp_path_factory: pytest.TempPathFactory) -> Path:
     place = tmp_path_factory.mktemp("arm")
     stage = arm_of_its_root()
     stage.GetRootLayer().Export(str(place / "arm.usda"))
-    catalog = load_platform()
-    files = describe_lab([place / "arm.usda"], load_lab(), catalog).files
+    files = describe_lab([place / "arm.usda"], load_lab()).files
     write_folder(place / "lab", files)
     return place / "lab"
 

@@ -20,7 +20,7 @@ from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.sim.judge.topics import expected_of_each
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import load_lab
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
 SPEED = "/World/r1/DriveR1/controller.inputs:maxLinearSpeed"
@@ -146,7 +146,7 @@ def varied(built: Path) -> Path:
 @pytest.fixture(scope="module")
 def described(varied: Path) -> tuple[Path, Description]:
     folder = varied.parent / "described"
-    description = describe_lab([varied / name for name in FILES], load_lab(), load_platform())
+    description = describe_lab([varied / name for name in FILES], load_lab())
     write_folder(folder, description.files)
     return folder, description
 
@@ -194,5 +194,5 @@ def test_a_stage_of_a_later_release_is_described_for_it(folder: Path, tmp_path: 
     points.write_text(f'isaac: "6.1"\n{points.read_text()}')
     stages, new = tmp_path / "stages", tmp_path / "new"
     invoke("--lab", later, "build", "--out", stages, "--only", "4")
-    write_folder(new, describe_lab([*stages.iterdir()], load_lab(), load_platform()).files)
+    write_folder(new, describe_lab([*stages.iterdir()], load_lab()).files)
     assert load_lab(new).platform.release == "6.1"

@@ -11,7 +11,7 @@ from other_labs import write_stage
 from pxr import Sdf, Usd
 
 from lab3_usd.new_lab.lab import describe_lab
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import load_lab
 
 INERTIA = "/World/Inertia"
 UINT, STRING = Sdf.ValueTypeNames.UInt, Sdf.ValueTypeNames.String
@@ -23,7 +23,7 @@ def left_out(folder: Path, change: Callable[[Usd.Stage], object]) -> tuple[str, 
     stage = Usd.Stage.Open(str(path))
     change(stage)
     stage.Save()
-    lines = describe_lab([path], load_lab(), load_platform()).left_out
+    lines = describe_lab([path], load_lab()).left_out
     return tuple(line.replace(f"{INERTIA}/", "") for line in lines)
 
 
@@ -103,7 +103,7 @@ def test_the_file_of_the_graph_says_what_it_leaves_out(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(path))
     blank_node(stage)
     stage.Save()
-    files = describe_lab([path], load_lab(), load_platform()).files
+    files = describe_lab([path], load_lab()).files
     note = "Not described, because a lab cannot contain it:"
     assert note in files["Inertia.yaml"]
     assert f"{INERTIA}/blank: has no type" in files["Inertia.yaml"]
@@ -116,7 +116,7 @@ def test_a_graph_that_is_switched_off_is_not_described(*, is_active: bool, tmp_p
     stage = Usd.Stage.Open(str(path))
     stage.GetPrimAtPath(INERTIA).SetActive(is_active)
     stage.Save()
-    files = describe_lab([path], load_lab(), load_platform()).files
+    files = describe_lab([path], load_lab()).files
     assert ("Inertia.yaml" in files) is is_active
 
 
@@ -125,7 +125,7 @@ def test_two_graphs_of_one_name_are_told_apart_by_what_they_lie_in(tmp_path: Pat
     layer = Sdf.Layer.FindOrOpen(str(path))
     Sdf.CopySpec(layer, INERTIA, layer, "/World/Carter/Inertia")
     layer.Save()
-    files = describe_lab([path], load_lab(), load_platform()).files
+    files = describe_lab([path], load_lab()).files
     names = {name for name in files if name.endswith("Inertia.yaml")}
     assert names in (
         {"Inertia.yaml", "Carter_Inertia.yaml"},
@@ -139,7 +139,7 @@ def test_what_moves_the_robot_is_described_before_its_sensors(tmp_path: Path) ->
     Sdf.CopySpec(layer, "/World/Wheels", layer, "/World/Later")
     del layer.GetPrimAtPath("/World").nameChildren["Wheels"]
     layer.Save()
-    files = describe_lab([path], load_lab(), load_platform()).files
+    files = describe_lab([path], load_lab()).files
     parts = {
         name: yaml.safe_load(files[f"{name}.yaml"])["handout"] for name in ("Later", "Inertia")
     }
@@ -160,7 +160,7 @@ def test_an_unknown_type_has_the_latest_version_and_every_port_of_its_nodes(
         node.CreateRelationship("inputs:prims").SetTargets(["/World/Carter"])
         port(stage, f"own_{number}.outputs:x")
     stage.Save()
-    files = describe_lab([path], load_lab(), load_platform()).files
+    files = describe_lab([path], load_lab()).files
     kind = yaml.safe_load(files["node_types.yaml"])["types"]["acme.LowPass"]
     gains = {f"gain_{number}": "uint" for number in range(len(versions))}
     assert kind == {

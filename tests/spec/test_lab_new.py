@@ -32,7 +32,7 @@ from lab3_usd.new_lab.yaml_text import as_typed, document
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.report.options import tool_version
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint
 
 CORPUS = SHARED / "corpus" / "stages"
@@ -66,7 +66,7 @@ def described(built: Path) -> Path:
 
 def write_lab(folder: Path, stages: list[Path]) -> None:
     """Describe a lab as `lab new` does, which also checks and plays each stage by it."""
-    files = describe_lab(stages, load_lab(), load_platform()).files
+    files = describe_lab(stages, load_lab()).files
     named = {name: with_schema(name, text) for name, text in files.items()}
     write_folder(folder, {**named, **schema_texts()})
 
@@ -202,7 +202,7 @@ def test_a_frame_that_no_tree_has_leaves_the_tree_unasked(built: Path, tmp_path:
     helper.GetAttribute("inputs:frameId").Set("lens")
     other = tmp_path / built.name
     stage.Export(str(other))
-    description = describe_lab([other], load_lab(), load_platform())
+    description = describe_lab([other], load_lab())
     place = "ROS_Camera.yaml: ros2_camera_helper: frameId"
     (left_out,) = (line for line in description.left_out if line.startswith(place))
     assert left_out.startswith(f"{place}: 'lens' is not a frame of the stage's tree")
@@ -513,7 +513,7 @@ def test_a_starter_that_is_no_plain_text_is_left_out_with_its_reason(
 ) -> None:
     first, *_, last = week[0]
     other = changed(first, tmp_path, change)
-    described = describe_lab([other, last], load_lab(), load_platform())
+    described = describe_lab([other, last], load_lab())
     starter = [line for line in described.left_out if line.startswith("starter.yaml: ")]
     assert starter == [f"starter.yaml: {reason}; give the starter to every build"]
     assert "starter.yaml" not in described.files

@@ -17,7 +17,7 @@ from pxr import Usd
 
 from lab3_usd.new_lab.lab import describe_lab
 from lab3_usd.pipeline.stage import check_stage, lint_stage
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import load_lab
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
 PLACES = {"R1": ("/World/r1/StaticR1", "r1/mast"), "R2": ("/World/StaticR2", "r2/tower")}
@@ -129,7 +129,7 @@ def test_one_frame_of_two_publishers_is_still_wrong(
 
 
 def test_a_new_lab_asks_for_no_rate_of_what_comes_once(stage: Path) -> None:
-    files = describe_lab([stage], load_lab(), load_platform()).files
+    files = describe_lab([stage], load_lab()).files
     lines = [line for line in files["ros.yaml"].splitlines() if STATIC in line]
     assert "durability: transient_local" in lines[0]
     assert not any("topic_hz" in line for line in lines)

@@ -19,7 +19,7 @@ from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.sim.outcome import DryRun
 from lab3_usd.spec.lab import CHECKPOINTS
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import load_lab
 
 WAREHOUSE = REPOSITORY / "docs" / "examples" / "labs" / "warehouse"
 FRAMES = """frames:
@@ -170,5 +170,5 @@ def test_trees_that_cannot_be_are_refused(folder: Path, tmp_path: Path, case: st
 
 def test_a_lab_is_described_with_both_trees(folder: Path) -> None:
     (stage,) = (folder.parent / "built").iterdir()
-    text = describe_lab([stage], load_lab(), load_platform()).files[CHECKPOINTS]
+    text = describe_lab([stage], load_lab()).files[CHECKPOINTS]
     assert re.findall(r"topic: (\S+),", text) == ["/r1/tf", "/r2/tf"]

@@ -30,7 +30,7 @@ from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.pipeline.starter_comparison import against_starter, open_starter
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.lab import Lab
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.submission import named_checkpoint, team_of
 from lab3_usd.stage.write.builder import BuildOptions, build_files
 
@@ -435,7 +435,7 @@ def test_lab_new_describes_both_robots_their_sensors_and_frames(
     lab: Lab, built: Path, tmp_path: Path
 ) -> None:
     paths = [built / file_of(number) for number in STAGES]
-    description = describe_lab(paths, load_lab(), load_platform())
+    description = describe_lab(paths, load_lab())
     assert description.left_out == ()
     write_folder(tmp_path / "new", description.files)
     new = load_lab(tmp_path / "new")

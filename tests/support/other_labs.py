@@ -25,7 +25,7 @@ from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
 from lab3_usd.data import LAB_VARIABLE
 from lab3_usd.new_lab.lab import describe_lab
-from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.spec.load.loader import load_lab
 
 MINI = TESTS / "labs" / "mini"
 LAB = load_lab(MINI)
@@ -257,7 +257,7 @@ def write_stages(folder: Path) -> list[Path]:
 
 def describe(stages: list[Path], folder: Path) -> Path:
     """Write the lab that is described after the stages, none of which is judged by it."""
-    files = describe_lab(stages, load_lab(), load_platform()).files
+    files = describe_lab(stages, load_lab()).files
     folder.mkdir()
     for name, text in files.items():
         (folder / name).write_text(text)

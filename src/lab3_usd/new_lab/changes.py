@@ -187,11 +187,12 @@ def steady_scene(
     for id_, other in scenes.items():
         if other["stage"] != scene["stage"]:
             lines.append(f"{SCENE}: stage: is otherwise in checkpoint {id_}")
-    data["world"] = {
-        part: value
-        for part, value in scene["world"].items()
-        if part == "graph_parent" or not _lacking(lines, f"world: {part}", scenes, "world", part)
-    }
+    data["world"] = dict(scene["world"])
+    for part in [part for part in scene["world"] if part != "graph_parent"]:
+        lacking = next((id_ for id_, other in scenes.items() if part not in other["world"]), None)
+        if lacking is not None:
+            lines.append(f"{SCENE}: world: {part}: is not in checkpoint {lacking}")
+            del data["world"][part]
     for key, robots in (("robot", {"": scene.get("robot")}), ("robots", scene.get("robots", {}))):
         steady = {}
         for name, robot in robots.items():
@@ -206,20 +207,6 @@ def steady_scene(
         if steady:
             data[key] = steady if key == "robots" else steady[""]
     return data, tuple(lines)
-
-
-def _lacking(
-    lines: list[str], key: str, scenes: Mapping[str, Mapping[str, Any]], *path: str
-) -> bool:
-    """Whether another stage lacks a part, which is said."""
-    for id_, other in scenes.items():
-        part: Any = other
-        for step in path:
-            part = part.get(step) if part else None
-        if part is None:
-            lines.append(f"{SCENE}: {key}: is not in checkpoint {id_}")
-            return True
-    return False
 
 
 def _steady_robot(
@@ -298,7 +285,13 @@ def steady_sensors(
                 continue
             if other["pose"]["translate"] != sensor["pose"]["translate"]:
                 lines.append(f"{SCENE}: sensors: {name}: pose: is otherwise in checkpoint {id_}")
-            differing = list(_differing(data, other))
+            values = other.get("attributes", {})
+            differing = [
+                name
+                for name, attribute in data.get("attributes", {}).items()
+                if attribute.get("required")
+                and values.get(name, {}).get("value") != attribute["value"]
+            ]
             lines += [f"{SCENE}: sensors: {name}: {each}: {_DIFFERS}" for each in differing]
             if differing:
                 data["attributes"] = {
@@ -307,10 +300,3 @@ def steady_sensors(
                 }
         steady[name] = data
     return steady, tuple(lines)
-
-
-def _differing(sensor: Mapping[str, Any], other: Mapping[str, Any]) -> Iterator[str]:
-    values = other.get("attributes", {})
-    for name, attribute in sensor.get("attributes", {}).items():
-        if attribute.get("required") and values.get(name, {}).get("value") != attribute["value"]:
-            yield name

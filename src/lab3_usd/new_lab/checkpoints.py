@@ -169,19 +169,20 @@ class Step(Struct, frozen=True):
     @property
     def data(self) -> dict[str, Any]:
         """The checkpoint in the form of its file."""
-        adds: dict[str, Any] = {}
-        if self.sensors:
-            adds["sensors"] = list(self.sensors)
-        if self.graphs:
-            adds["graphs"] = list(self.graphs)
-        if self.frames:
-            adds["frames"] = True
-        if self.topics:
-            adds["topics"] = True
-        optional = {"optional": True} if self.optional else {}
-        removes = {"removes": list(self.removes)} if self.removes else {}
-        named = {"name": self.name, "title": self.title, "part": self.part}
-        return {**named, **optional, "adds": adds, **removes}
+        adds = {
+            "sensors": [*self.sensors],
+            "graphs": [*self.graphs],
+            "frames": self.frames,
+            "topics": self.topics,
+        }
+        return {
+            "name": self.name,
+            "title": self.title,
+            "part": self.part,
+            **({"optional": True} if self.optional else {}),
+            "adds": {key: value for key, value in adds.items() if value},
+            **({"removes": [*self.removes]} if self.removes else {}),
+        }
 
 
 def describe_steps(

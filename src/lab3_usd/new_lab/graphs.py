@@ -8,17 +8,17 @@ from typing import Any
 
 from msgspec import Struct
 
-from lab3_usd.errors import SpecError
+from lab3_usd.errors import GraphError
+from lab3_usd.isaac.graph import checked_value
 from lab3_usd.isaac.graph_form import VARIABLE
-from lab3_usd.isaac.load.lab_types import with_lab_types
-from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, Port, can_connect
+from lab3_usd.isaac.node_types import INPUT, OUTPUT, NodeType, can_connect
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.isaac.values import Value, fits_type, is_known_type, typed_value
+from lab3_usd.isaac.values import Value, fits_type, is_known_type
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.new_lab.checkpoints import TREE_GROUP, part_letter
 from lab3_usd.new_lab.yaml_text import as_typed, document
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import CATALOG, Lab
+from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.graph_file import parse_graph
 from lab3_usd.spec.scene import SCENE_GROUP
 
@@ -55,13 +55,6 @@ def unknown_types(nodes: Iterable[Node]) -> dict[str, dict[str, Any]]:
                 ogn_type = "execution"
             entry[side][short] = ogn_type
     return types
-
-
-def with_types(platform: Platform, unknown: Mapping[str, Any]) -> Platform:
-    """Return a platform that has these types as well."""
-    if not unknown:
-        return platform
-    return with_lab_types(platform, {"types": unknown}, CATALOG)
 
 
 def catalog_text(used: Mapping[str, str], platform: Platform, unknown: Mapping[str, Any]) -> str:
@@ -223,18 +216,12 @@ def _values(
             continue
         if value == port.default and (state.value is None or port.short in kept):
             continue
-        if _is_settable(port, value):
-            yield port.short, as_typed(value)
-        else:
+        try:
+            checked_value(port, value)
+        except GraphError:
             left_out.append(f"{node.path}.{name}: {value!r} is not a value of {port.ogn_type}")
-
-
-def _is_settable(port: Port, value: Value) -> bool:
-    try:
-        checked = typed_value(value, port.usd_type, port.name)
-    except SpecError:
-        return False
-    return not port.allowed or checked in port.allowed
+        else:
+            yield port.short, as_typed(value)
 
 
 def _wires(graph: GraphModel, roles: Mapping[str, str], left_out: list[str]) -> Iterator[str]:

@@ -5,8 +5,9 @@ from __future__ import annotations
 import shutil
 import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
+from itertools import chain
 from pathlib import Path
-from typing import Any, TypeVar
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -81,9 +82,6 @@ _SCENE_NOTES = {
 }
 
 
-T = TypeVar("T")
-
-
 class Description(Struct, frozen=True):
     """The files of a new lab by name, its checkpoints, and what of the stage they leave out."""
 
@@ -114,18 +112,17 @@ class _Parts(Struct, frozen=True):
         return bool(self.frames["edges"]) and not self.outside
 
 
-def describe_lab(paths: Sequence[Path], lab: Lab, types: Platform) -> Description:
+def describe_lab(paths: Sequence[Path], lab: Lab) -> Description:
     """Describe a lab after stages: one for each checkpoint, or a single one with all graphs.
 
-    `lab` is the bundled one, `types` the platform of all public node types.
+    `lab` is the bundled one, whose platform has all public node types.
 
     Raises:
         StageError: a stage cannot be read.
         UsageError: the last one has no prim, or lacks what an earlier one has.
     """
-    types = in_release_of(paths, types)
     lab = replace(lab, platform=in_release_of(paths, lab.platform))
-    sources = [read_described(path, lab, types) for path in paths]
+    sources = [read_described(path, lab) for path in paths]
     parts = _parts(sources)
     if len(sources) > 1:
         steps = _steps(sources, parts)
@@ -207,14 +204,22 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     frame_spec = replace(lab.frames, names=overrides, localization=None)
     lab = replace(lab, scene=parse_scene(scene), frames=frame_spec)
     built_on = {name: graph for name, graph in graphs.items() if graph.path in held[-1]}
-    edges = _edges(stage, replace(lab, graphs=built_on))
+    last = replace(lab, graphs=built_on)
+    published = _published(stage, last)
+    edges = {child: edge for tree in published.values() for child, edge in tree.items()}
+    for frame in graph_frames(last):  # what missing assets would add
+        if frame.parent:
+            edges.setdefault(frame.child, (frame.parent, frame.child))
     bases = [lab.frame_of(robot.base) for robot in lab.scene.robots]
     frames: dict[str, Any] = {
         "handout": texts[-1].spec.handout if texts else PART,
-        **_tree(edges, bases),
+        **_tree(edges.values(), bases),
     }
-    trees = _trees(stage, replace(lab, graphs=built_on))
-    frames |= {"trees": [{"topic": topic, **_tree(trees[topic], bases)} for topic in trees]}
+    if sum(map(len, published.values())) > len({*chain(*published.values())}):
+        # Several trees have frames of the same names.
+        frames["trees"] = [
+            {"topic": topic, **_tree(tree.values(), bases)} for topic, tree in published.items()
+        ]
     frames = {key: value for key, value in frames.items() if value or key == "edges"}
     frames |= {"names": overrides} if overrides else {}
     outside = tuple(_frames_outside(frames, lab))
@@ -299,6 +304,15 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
     published = [
         {(edge.parent, edge.child) for edge in edges if edge.child in frames} for edges in edges_of
     ]
+    trees: list[Collection[tuple[str, str]]] = []
+    for number, edges in enumerate(published):
+        later = [
+            other
+            for other, each in enumerate(published[number + 1 :], start=number + 1)
+            if other not in parts.optional and not each <= published[-1]
+        ]
+        is_steady = edges <= published[-1] and not later
+        trees.append(edges if parts.has_frames and is_steady else ())
     sensors = parts.lab.sensors.items()
     return steps_of_stages(
         parts.names,
@@ -311,26 +325,11 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
             ]
             for source in sources
         ],
-        [
-            edges if parts.has_frames and all(each <= published[-1] for each in later) else ()
-            for edges, later in zip(published, _required_after(published, parts), strict=True)
-        ],
+        trees,
         parts.optional,
         removed=removed_prims([source.stage for source in sources], parts.optional),
         speaks=any(graph_topics(parts.lab)),
     )
-
-
-def _required_after(published: Sequence[T], parts: _Parts) -> list[list[T]]:
-    """Return for each stage its own and those after it, without the optional ones."""
-    return [
-        [
-            each
-            for number, each in enumerate(published[first:], start=first)
-            if number == first or number not in parts.optional
-        ]
-        for first in range(len(published))
-    ]
 
 
 def _home(sensor: str, texts: Sequence[GraphText]) -> GraphSpec | None:
@@ -379,39 +378,22 @@ def _frame_names(stage: StageModel, lab: Lab) -> Iterator[tuple[str, str]]:
             yield path, frame_of_prim(path, stage)
 
 
-def _edges(stage: StageModel, lab: Lab) -> list[tuple[str, str]]:
-    """Return the transforms: what the stage publishes, and what missing assets would add to it."""
-    given = list(graph_frames(lab))
-    children = {frame.child for frame in given}
-    edges = {
-        edge.child: (edge.parent, edge.child)
-        for edge in edges_on(transform_topics(lab), stage)
-        if edge.child in children and edge.parent != edge.child
-    }
-    for graph_frame in given:
-        if graph_frame.parent:
-            edges.setdefault(graph_frame.child, (graph_frame.parent, graph_frame.child))
-    return list(edges.values())
-
-
-def _tree(edges: Iterable[tuple[str, str]], bases: Iterable[str]) -> dict[str, Any]:
-    """Return how a tree is written: its edges, and the bases below which it may be deeper."""
-    deeper = list(dict.fromkeys(base for base in bases if any(base in edge for edge in edges)))
-    below = {"deeper_under": deeper if deeper[1:] else deeper[0]} if deeper else {}
-    return {"edges": [f"{parent} -> {child}" for parent, child in edges], **below}
-
-
-def _trees(stage: StageModel, lab: Lab) -> dict[str, list[tuple[str, str]]]:
-    """Return the transforms by topic, where several have frames of the same names; else nothing."""
+def _published(stage: StageModel, lab: Lab) -> dict[str, dict[str, tuple[str, str]]]:
+    """Return the transforms of the lab's frames that a stage publishes, by topic and child."""
     frames = {frame.child for frame in graph_frames(lab)}
     trees: dict[str, dict[str, tuple[str, str]]] = {}
     for edge in edges_on(transform_topics(lab), stage):
         if edge.child in frames and edge.parent != edge.child:
             own = trees.setdefault(edge.topic.removesuffix(STATIC), {})
             own[edge.child] = (edge.parent, edge.child)
-    children = [child for own in trees.values() for child in own]
-    is_shared = len(children) > len({*children})
-    return {topic: list(own.values()) for topic, own in trees.items()} if is_shared else {}
+    return trees
+
+
+def _tree(edges: Collection[tuple[str, str]], bases: Iterable[str]) -> dict[str, Any]:
+    """Return how a tree is written: its edges, and the bases below which it may be deeper."""
+    deeper = list(dict.fromkeys(base for base in bases if any(base in edge for edge in edges)))
+    below = {"deeper_under": deeper if deeper[1:] else deeper[0]} if deeper else {}
+    return {"edges": [f"{parent} -> {child}" for parent, child in edges], **below}
 
 
 def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:

@@ -13,13 +13,13 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.robot.ground import boxes, has_ground, lights, planes
 from lab3_usd.check.robot.sensors import CAMERA, LIDAR, enclosing
-from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.load.lab_types import with_lab_types
 from lab3_usd.isaac.values import Value, is_known_type
 from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import IDENTITY, camera_axes
-from lab3_usd.new_lab.graphs import unknown_types, with_types
+from lab3_usd.new_lab.graphs import unknown_types
 from lab3_usd.new_lab.robot import (
     PART,
     describe_joints,
@@ -31,7 +31,7 @@ from lab3_usd.new_lab.robot import (
 )
 from lab3_usd.new_lab.yaml_text import as_typed
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import Lab
+from lab3_usd.spec.lab import CATALOG, Lab
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.scene import ANYWHERE, SensorSpec
 from lab3_usd.stage.read.prims import Authored, authored_attributes
@@ -71,15 +71,16 @@ class Source(Struct, frozen=True):
     authored: Mapping[str, Authored]
 
 
-def read_described(path: Path, lab: Lab, types: Platform) -> Source:
-    """Read a stage; `lab` is the bundled one, `types` the platform of all public node types.
+def read_described(path: Path, lab: Lab) -> Source:
+    """Read a stage; `lab` is the bundled one.
 
     Raises:
         StageError: the stage cannot be read.
     """
-    stage = read_stage(path, types)
+    stage = read_stage(path, lab.platform)
     unknown = unknown_types(stage.nodes())
-    lab = replace(lab, platform=with_types(types, unknown))
+    if unknown:
+        lab = replace(lab, platform=with_lab_types(lab.platform, {"types": unknown}, CATALOG))
     sensor_types = {prim.path: prim.type for prim in _sensors(stage, lab)}
     # The place of a prim of a type that USD does not know is read where a lab has such a sensor.
     placed = lab.platform.placed.union(sensor_types.values())

@@ -44,7 +44,7 @@ def make_lab(folder: Path, stages: Sequence[Path]) -> int:
     refuse_existing_folder(folder)
     _refuse_missing(stages)
     lab = load_lab(data_folder("graphs"))
-    description = describe_lab(stages, lab, lab.platform)
+    description = describe_lab(stages, lab)
     named = {name: with_schema(name, text) for name, text in description.files.items()}
     write_folder(folder, {**named, **schema_texts()})
     for name in description.files:
