@@ -353,7 +353,6 @@ def test_capabilities_are_given_up_but_to_read_where_root_grades(
 
 def test_another_platform_gives_up_nothing_and_says_so() -> None:
     assert sandbox.give_up_privileges(None) == {"privileges": False, "network": False}
-    assert not sandbox._no_capabilities(None)
 
 
 @pytest.mark.parametrize(("version", "truncates", "network"), [(1, 0, 0), (3, 1, 0), (4, 1, 1)])

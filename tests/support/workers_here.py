@@ -74,16 +74,21 @@ def _grade_once(
     setup: GradingSetup, task: Task, staged: StagedSubmission, announce: Callable[[str], None]
 ) -> Json:
     starter = Path(setup.starter.path) if setup.starter else Path(os.devnull)
-    if setup.supplied_map or setup.supplied or os.environ.get(LAB_VARIABLE) != str(other_labs.MINI):
+    settings = setup.settings
+    if (
+        settings.supplied_map
+        or setup.supplied
+        or os.environ.get(LAB_VARIABLE) != str(other_labs.MINI)
+    ):
         return GRADE(setup, task, staged, announce)
     asked = replace(task, sources=(), known="", folder="")
     copied = replace(staged, folder=Path())
     given = (
         setup.rubric.digest,
-        setup.limits,
-        setup.merge,
-        setup.with_report,
-        setup.named,
+        settings.limits,
+        settings.merge,
+        settings.with_report,
+        settings.named,
         starter.name,
     )
     parts = (repr((asked, copied, given)).encode(), starter.read_bytes())

@@ -96,35 +96,26 @@ LIBC = ctypes.CDLL(None, use_errno=True) if sys.platform == "linux" else None
 
 def give_up_privileges(libc: Any = LIBC) -> dict[str, bool]:
     """Give up the network, and what privileges there are or could be; say which of it worked."""
-    network = _no_network(libc)
-    dies_with_parent = (
-        libc is not None and libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) == 0
-    )
+    if libc is None:
+        return {"privileges": False, "network": False}
+    # A network of one's own, in which there is nothing; as root or as a user.
+    kinds = (_CLONE_NEWNET, _CLONE_NEWUSER | _CLONE_NEWNET)
+    network = any(libc.unshare(kind) == 0 for kind in kinds)
+    dies_with_parent = libc.prctl(_PR_SET_PDEATHSIG, signal.SIGKILL, 0, 0, 0) == 0
     given_up = dies_with_parent and _no_new_privileges(libc) and _no_capabilities(libc)
     return {"privileges": given_up, "network": network}
 
 
 def _no_new_privileges(libc: Any) -> bool:
-    return libc is not None and libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0
+    return bool(libc.prctl(_PR_SET_NO_NEW_PRIVS, 1, 0, 0, 0) == 0)
 
 
 def _no_capabilities(libc: Any) -> bool:
     """Give up every capability, where root runs this, but to read what students own."""
-    if libc is None:
-        return False
     kept = _CAP_DAC_READ_SEARCH if os.geteuid() == 0 else 0
     header = struct.pack("<Ii", _CAPABILITIES_VERSION_3, 0)
     sets = struct.pack("<6I", kept, kept, 0, 0, 0, 0)
-    done: int = libc.capset(header, sets)
-    return done == 0
-
-
-def _no_network(libc: Any) -> bool:
-    """Move into a network of one's own, in which there is nothing; as root or as a user."""
-    if libc is None:
-        return False
-    kinds = (_CLONE_NEWNET, _CLONE_NEWUSER | _CLONE_NEWNET)
-    return any(libc.unshare(kind) == 0 for kind in kinds)
+    return bool(libc.capset(header, sets) == 0)
 
 
 def fence_files(readable: Iterable[Path], writable: Iterable[Path], libc: Any = LIBC) -> bool:
@@ -150,10 +141,7 @@ def fence_files(readable: Iterable[Path], writable: Iterable[Path], libc: Any = 
             _allow(libc, ruleset, path, (_READ | _READ_FOLDER | _EXECUTE) & handled)
         for path in writable:
             _allow(libc, ruleset, path, handled & ~_MAKE_DEVICES)
-        restricted: int = (
-            libc.syscall(_RESTRICT_SELF, ruleset, 0) if _no_new_privileges(libc) else -1
-        )
-        return restricted == 0
+        return _no_new_privileges(libc) and libc.syscall(_RESTRICT_SELF, ruleset, 0) == 0
     finally:
         os.close(ruleset)
 

@@ -15,14 +15,13 @@ from msgspec.structs import replace
 from lab3_usd.check.registry import Rule, all_rules
 from lab3_usd.check.rule_runs import finding_of
 from lab3_usd.data import TEAM_VARIABLE, own_team
-from lab3_usd.deliverables.maps import SuppliedMap
 from lab3_usd.errors import UnknownTeamError
 from lab3_usd.grade.dry_runs import with_dry_runs
 from lab3_usd.grade.gradebook import write_reports
 from lab3_usd.grade.intake.archives import ArchiveError, holds_nothing
 from lab3_usd.grade.intake.guard import check_layer
 from lab3_usd.grade.intake.staging import StagedSubmission, stage_submission
-from lab3_usd.grade.intake.submission_copy import FILE_LEFT_OUT, Limits, TooLargeError
+from lab3_usd.grade.intake.submission_copy import FILE_LEFT_OUT, TooLargeError
 from lab3_usd.grade.intake.submission_folder import AMBIGUOUS
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.scoring import Grade, SubmissionFacts, facts_of, grade_facts
@@ -31,6 +30,7 @@ from lab3_usd.grade.workers.worker_messages import (
     FAILED_OVER_IT,
     TOOL_FAILED,
     Json,
+    PoolSettings,
     Task,
     status_of,
 )
@@ -55,23 +55,16 @@ _EMPTY = hashlib.sha256().hexdigest()
 class GradingSetup(Struct, frozen=True):
     """What every submission of a class is judged with.
 
-    `starter` is open already, and `allowed` are the files that it consists of. Maps are compared
-    with the `supplied_map`. `supplied` are the folders in which the grader has assets of servers.
-    With `merge`, what the last upload of a student lacks comes from the ones before. With
-    `with_report`, the answer holds the report as data and no files of it, and where in the upload
-    the submission lies. Without `named`, the reports name nobody, and may be true of others too.
+    `starter` is open already, and `allowed` are the files that it consists of. `supplied` are the
+    folders in which the grader has assets of servers.
     """
 
     lab: Lab
     rubric: Rubric
     starter: Starter | None
     allowed: frozenset[str]
-    limits: Limits
-    supplied: tuple[str, ...] = ()
-    merge: bool = False
-    with_report: bool = False
-    named: bool = True
-    supplied_map: SuppliedMap | None = None
+    supplied: tuple[str, ...]
+    settings: PoolSettings
 
 
 def grade_submission(
@@ -82,7 +75,8 @@ def grade_submission(
     Sets the working directory to the copy for as long as it takes.
     """
     try:
-        staged = stage_submission(task.sources, scratch, setup.limits, merge=setup.merge)
+        limits, merge = setup.settings.limits, setup.settings.merge
+        staged = stage_submission(task.sources, scratch, limits, merge=merge)
     except TooLargeError as error:
         return ungraded_record(setup.rubric, task.student, "too large", str(error), task.name)
     except ArchiveError as error:
@@ -94,7 +88,7 @@ def grade_submission(
             graded = grade_staged(setup, task, staged, announce)
     except UnknownTeamError as error:
         return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
-    if setup.with_report:
+    if setup.settings.with_report:
         graded["place"] = staged.folder.relative_to(scratch).as_posix()
     return graded
 
@@ -125,30 +119,29 @@ def grade_staged(
     setup: GradingSetup, task: Task, staged: StagedSubmission, announce: Callable[[str], None]
 ) -> Json:
     """Judge the copy of a submission, and return everything to be recorded."""
+    asked = setup.settings
     bounds = FileBounds(
         root=staged.folder.resolve(),
-        check=partial(check_layer, limits=setup.limits),
+        check=partial(check_layer, limits=asked.limits),
         allowed=setup.allowed,
         supplied=setup.supplied,
         starter="" if setup.starter is None else os.path.realpath(setup.starter.path),
         broken=task.broken,
         announce=announce,
         graphs=tuple(spec.path for spec in setup.lab.graphs.values()),
-        nesting=setup.limits.nesting,
+        nesting=asked.limits.nesting,
         digests=staged.digests,
     )
     with _inside(staged.folder), opening_within(bounds):
         folder = check_folder(
             Path(),
             JudgeSettings(starter=setup.starter, handed_in=True),
-            supplied_map=setup.supplied_map,
+            supplied_map=asked.supplied_map,
             may_open=partial(_may_open, bounds),
             digests=staged.digests,
         )
-        judged = _without_repairs(folder)
-        label = task.student if setup.named else _SOMEBODY
-        judged = _with_fence(judged, label, staged, bounds.found.values())
-        judged = _with_own_failures(judged, task.broken)
+        label = task.student if asked.named else _SOMEBODY
+        judged = _completed(folder, label, staged, bounds.found.values(), task.broken)
         facts = facts_of(
             judged.results,
             setup.rubric.required,
@@ -182,13 +175,13 @@ def grade_staged(
             f"{stage}: {asset} was not submitted; the grader's file replaces it"
             for stage, asset in bounds.lent.items()
         )
-        name = task.name if setup.named else ""
+        fields: Json = {} if asked.named else {SHARED: True}
         reports = {}  # as files; whoever asks for the report as data writes none
-        if not setup.with_report:
+        if asked.with_report:
+            fields["report"] = to_builtins(report)
+        else:
+            name = task.name if asked.named else ""
             reports = write_reports(report, setup.rubric, points, name, remarks)
-    fields: Json = {} if setup.named else {SHARED: True}
-    if setup.with_report:
-        fields["report"] = to_builtins(report)
     return {
         **fields,
         **_record(points, facts, _status(judged, task.broken, staged)),
@@ -243,19 +236,6 @@ def _digest_of_all(path: str, digests: Mapping[str, str]) -> str:
     if digests_beside in ([], [digests[path]]):
         return digests[path]
     return hashlib.sha256("".join((digests[path], *digests_beside)).encode()).hexdigest()
-
-
-def _without_repairs(judged: FolderResult) -> FolderResult:
-    """Let reports to students say what is wrong, and not how a program would change it."""
-
-    def bare(findings: Iterable[Finding]) -> tuple[Finding, ...]:
-        return tuple(replace(finding, fix=None) for finding in findings)
-
-    about = judged.submission
-    return FolderResult(
-        tuple(replace(result, findings=bare(result.findings)) for result in judged.results),
-        replace(about, findings=bare(about.findings)),
-    )
 
 
 def _may_open(bounds: FileBounds, name: str) -> str:
@@ -335,18 +315,6 @@ def _crashes(judged: FolderResult) -> Sequence[tuple[str, Crash]]:
     return [*crashes, *((judged.submission.path, crash) for crash in judged.submission.crashes)]
 
 
-def _with_own_failures(judged: FolderResult, broken: Mapping[str, str]) -> FolderResult:
-    """Tell files over which this program failed before from those that ended a worker."""
-    ours = {path: how for path, how in broken.items() if how.startswith(FAILED_OVER_IT)}
-    stages = {result.path for result in judged.results}
-    crashes = tuple(
-        Crash(FILE_LEFT_OUT, f"{path}: {how}") for path, how in ours.items() if path not in stages
-    )
-    about = judged.submission
-    with_others = replace(about, crashes=(*about.crashes, *crashes))
-    return _with_crashes(FolderResult(judged.results, with_others), ours)
-
-
 def _with_crashes(judged: FolderResult, failures: Mapping[str, str]) -> FolderResult:
     """Add to the results of stages how this program failed over them, by their paths."""
     results = tuple(
@@ -358,29 +326,45 @@ def _with_crashes(judged: FolderResult, failures: Mapping[str, str]) -> FolderRe
     return FolderResult(results, judged.submission)
 
 
-def _with_fence(
+def _completed(
     judged: FolderResult,
     student: str,
     staged: StagedSubmission,
     blocked: Iterable[BlockedAsset],
+    broken: Mapping[str, str],
 ) -> FolderResult:
-    """Add what was left out to the results, as findings of the rules about it."""
+    """Add to the results what was left out, and at which files this program failed before.
+
+    Reports to students say what is wrong, and not how a program would change it.
+    """
     rules = all_rules()
-    files = [_finding(rules[file.rule], file.path, file.reason) for file in staged.refused]
-    files += [_finding(rules[remark.rule], remark.path, remark.text) for remark in staged.remarks]
     grave: dict[str, list[Finding]] = {}
     for asset in blocked:
         if asset.is_error:
             finding = _finding(rules["Z02"], asset.asset, asset.reason)
             grave.setdefault(asset.stage, []).append(replace(finding, layer=asset.stage))
     results = tuple(
-        with_findings(result, (*result.findings, *grave[result.path]))
-        if result.path in grave
-        else result
+        with_findings(result, _bare((*result.findings, *grave.get(result.path, ()))))
         for result in judged.results
     )
-    findings = ordered((*judged.submission.findings, *files))
-    return FolderResult(results, replace(judged.submission, path=student, findings=findings))
+    ours = {path: how for path, how in broken.items() if how.startswith(FAILED_OVER_IT)}
+    stages = {result.path for result in results}
+    crashes = tuple(
+        Crash(FILE_LEFT_OUT, f"{path}: {how}") for path, how in ours.items() if path not in stages
+    )
+    files = [_finding(rules[file.rule], file.path, file.reason) for file in staged.refused]
+    files += [_finding(rules[remark.rule], remark.path, remark.text) for remark in staged.remarks]
+    about = replace(
+        judged.submission,
+        path=student,
+        findings=ordered(_bare((*judged.submission.findings, *files))),
+        crashes=(*judged.submission.crashes, *crashes),
+    )
+    return _with_crashes(FolderResult(results, about), ours)
+
+
+def _bare(findings: Iterable[Finding]) -> Iterable[Finding]:
+    return (replace(finding, fix=None) for finding in findings)
 
 
 def _finding(rule: Rule, *arguments: str) -> Finding:

@@ -155,7 +155,7 @@ def _judge(
         now = time.process_time()
         send(encode(Reply(assignment.turn, open=name, processor=now)))
         left = begun + assignment.seconds - now
-        limit_time(min(setup.limits.seconds, max(left, _NO_TIME)))
+        limit_time(min(setup.settings.limits.seconds, max(left, _NO_TIME)))
 
     announce("")  # from here on, what ends this process is caused by the task
     done = answer(setup, assignment.task, scratch, announce)
@@ -184,12 +184,8 @@ def load_setup(settings: PoolSettings) -> GradingSetup:
         rubric=load_rubric(settings.rubric, lab),
         starter=None if starter is None else open_starter(starter, lab),
         allowed=frozenset() if starter is None else files_of(starter),
-        limits=settings.limits,
         supplied=tuple(map(os.path.realpath, settings.assets.values())),
-        merge=settings.merge,
-        with_report=settings.with_report,
-        named=settings.named,
-        supplied_map=settings.supplied_map,
+        settings=settings,
     )
 
 
