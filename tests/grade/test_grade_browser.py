@@ -8,10 +8,10 @@ from typing import Any
 import pytest
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
 from class_pages import EVIL, ITEMS, page_of, row
+from grade_files import grade
 from msgspec import to_builtins
 
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.scoring import grade
 from lab3_usd.report.html.class_page import class_page
 from lab3_usd.spec.load.loader import load_lab
 

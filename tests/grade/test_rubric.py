@@ -11,6 +11,7 @@ from typing import Any
 import forking
 import pytest
 import quick_yaml
+from grade_files import grade
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from msgspec.structs import replace
@@ -19,7 +20,7 @@ from other_labs import LAB, MINI
 from lab3_usd.check.registry import all_rules
 from lab3_usd.errors import SpecError
 from lab3_usd.grade.rubric import Rubric, everything_asked, load_rubric
-from lab3_usd.grade.scoring import Grade, ItemGrade, facts_of, grade, grade_facts
+from lab3_usd.grade.scoring import Grade, ItemGrade, facts_of, grade_facts
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult
 from lab3_usd.pipeline.results import unreadable_result
 

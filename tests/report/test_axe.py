@@ -9,6 +9,7 @@ import pytest
 from breaking import correct_stage
 from browser import DESKTOP, PHONE, Browser
 from class_pages import ITEMS, page_of, row
+from grade_files import grade
 from html_pages import DRIVE, LAB, break_ten_times, judged, page, set_value, stages
 from in_process import invoke
 from linting import broken_robot
@@ -16,7 +17,6 @@ from report_examples import SUBMISSION
 
 from lab3_usd.grade.gradebook import HTML, write_reports
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.scoring import grade
 from lab3_usd.model.finding import Report
 from lab3_usd.pipeline.stage import lint_stage
 

@@ -13,6 +13,7 @@ from typing import Any
 
 import pytest
 from browser import CONTRASTS, DESKTOP, PHONE, Browser
+from grade_files import grade
 from html_pages import CLOCK, DRIVE, LAB, TF, break_ten_times, judged, page, stages
 from in_process import invoke
 from linting import broken_robot
@@ -22,7 +23,6 @@ from report_examples import SUBMISSION, hostile
 
 from lab3_usd.grade.gradebook import HTML, write_reports
 from lab3_usd.grade.rubric import load_rubric
-from lab3_usd.grade.scoring import grade
 from lab3_usd.model.finding import Report
 from lab3_usd.pipeline.stage import lint_stage
 from lab3_usd.report.formats.registry import render

@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import atexit
 import shutil
+from collections.abc import Iterable
 from functools import cache
 from pathlib import Path
 from tempfile import mkdtemp
 
 from lab3_usd.deliverables.evidence.saved_outputs import read_texts
 from lab3_usd.deliverables.submission_files import entries_below
+from lab3_usd.grade.rubric import Rubric
+from lab3_usd.grade.scoring import Grade, facts_of, grade_facts
+from lab3_usd.model.finding import ChecklistItem, Finding, StageResult
 from lab3_usd.model.folder import Evidence
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
@@ -59,3 +63,15 @@ def submission(folder: Path, number: str) -> Path:
     (folder / "work").mkdir(parents=True)
     shutil.copyfile(stage(number), folder / "work" / stage(number).name)
     return folder
+
+
+def grade(
+    rubric: Rubric,
+    results: Iterable[StageResult],
+    checklist: Iterable[ChecklistItem] = (),
+    *,
+    findings: Iterable[Finding] = (),
+    late: bool = False,
+) -> Grade:
+    """Return the points for the results of one submission, in whatever order they come."""
+    return grade_facts(rubric, facts_of(results, rubric.required, findings, checklist), late=late)

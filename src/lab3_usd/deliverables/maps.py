@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from itertools import compress
 from pathlib import Path, PurePosixPath, PureWindowsPath
 
@@ -13,17 +13,17 @@ import yaml
 from msgspec import Struct
 
 from lab3_usd.data import data_folder, own_lab
-from lab3_usd.deliverables.plain_yaml import load_plain
+from lab3_usd.deliverables.plain_yaml import NOT_YAML, load_plain, not_yaml
 from lab3_usd.errors import Lab3Error
+from lab3_usd.files import first_bytes
 from lab3_usd.model.folder import MapSubject
-from lab3_usd.model.occupancy import OccupancyMap
+from lab3_usd.model.occupancy import Cell, OccupancyMap, cells_within
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.spec.ros import MapFacts
 
 OCCUPIED, FREE, UNKNOWN = 0, 254, 205
 _WHITE = 255
-_OCCUPIED_THRESHOLD = 0.65
 _TWO_BYTES = 65535
 _MOST_CELLS = 10**8
 _MOST_COMPARED = 10**6  # cells of a map that a scan is laid on
@@ -46,18 +46,6 @@ class MapError(Lab3Error):
     """A map file cannot be read, or two maps cannot be compared."""
 
 
-class MapFile(Struct, frozen=True):
-    """What a map's YAML says; `image` as written there, lengths in metres, the turn in radians."""
-
-    image: str
-    resolution: float
-    origin: tuple[float, float, float]
-    negate: int
-    occupied_thresh: float
-    free_thresh: float
-    mode: str = "trinary"
-
-
 class Grid(Struct, frozen=True):
     """A map image: one byte for each cell, row 0 at the top."""
 
@@ -69,25 +57,25 @@ class Grid(Struct, frozen=True):
         """Return the grey value of a cell."""
         return self.cells[row * self.width + column]
 
-    def occupied(self) -> Iterator[tuple[int, int]]:
-        """Yield (column, row) of the cells that map_server calls occupied, black being 1."""
-        is_dark = [(_WHITE - value) / _WHITE > _OCCUPIED_THRESHOLD for value in range(_WHITE + 1)]
-        for index, value in enumerate(self.cells):
-            if is_dark[value]:
-                yield index % self.width, index // self.width
+    def walls(self, threshold: float = 0.65, *, negate: bool = False) -> frozenset[Cell]:
+        """Return the cells that map_server calls occupied, black being 1."""
+        greys = range(_WHITE + 1)
+        marks = bytes((v if negate else _WHITE - v) / _WHITE > threshold for v in greys)
+        occupied = compress(range(len(self.cells)), self.cells.translate(marks))
+        return frozenset((at % self.width, self.height - 1 - at // self.width) for at in occupied)
 
 
-def map_yaml(file: MapFile) -> str:
+def map_yaml(facts: MapFacts) -> str:
     """Write a map's YAML in the order and form of the handout (4.2)."""
-    origin = ", ".join(f"{value:.10g}" for value in file.origin)
+    origin = ", ".join(f"{value:.10g}" for value in facts.origin)
     return (
-        f"image: {file.image}\n"
-        f"mode: {file.mode}\n"
-        f"resolution: {file.resolution:.10g}\n"
+        f"image: {facts.image}\n"
+        f"mode: {facts.mode}\n"
+        f"resolution: {facts.resolution:.10g}\n"
         f"origin: [{origin}]\n"
-        f"negate: {file.negate}\n"
-        f"occupied_thresh: {file.occupied_thresh:.10g}\n"
-        f"free_thresh: {file.free_thresh:.10g}\n"
+        f"negate: {facts.negate}\n"
+        f"occupied_thresh: {facts.occupied_thresh:.10g}\n"
+        f"free_thresh: {facts.free_thresh:.10g}\n"
     )
 
 
@@ -165,10 +153,7 @@ def read_map(path: Path, *, given: bool = True) -> OccupancyMap:
         raise MapError(f"{path} has no resolution, origin or threshold") from error
     if not (resolution > 0 and all(map(math.isfinite, (resolution, x, y, turn)))):
         raise MapError(f"{path} has no resolution, or an invalid origin")
-    greys = range(_WHITE + 1)
-    marks = bytes((v if is_negated else _WHITE - v) / _WHITE > threshold for v in greys)
-    occupied = compress(range(len(grid.cells)), grid.cells.translate(marks))
-    walls = frozenset((at % grid.width, grid.height - 1 - at // grid.width) for at in occupied)
+    walls = grid.walls(threshold, negate=is_negated)
     return OccupancyMap(path.name, resolution, (x, y, turn), grid.width, grid.height, walls, given)
 
 
@@ -243,14 +228,8 @@ def agreement(student: Grid, ours: Grid) -> float:
             f"a map of {student.width} x {student.height} cells cannot be compared "
             f"with one of {ours.width} x {ours.height}"
         )
-    near = {
-        (column + right, row + down)
-        for column, row in ours.occupied()
-        for right in (-1, 0, 1)
-        for down in (-1, 0, 1)
-    }
-    judged = [cell in near for cell in student.occupied()]
-    return sum(judged) / len(judged) if judged else 0.0
+    walls = student.walls()
+    return len(walls & cells_within(ours.walls(), 1)) / len(walls) if walls else 0.0
 
 
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -351,9 +330,8 @@ def _read(path: Path) -> tuple[dict[str, object] | None, str | None]:
         return None, "was not submitted"
     except OSError as error:
         return None, f"cannot be read ({error.strerror})"
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        return None, "is not YAML" + (f", see line {mark.line + 1}" if mark is not None else "")
+    except NOT_YAML as error:
+        return None, not_yaml(error)
     if not isinstance(data, dict):
         return None, "has no keys such as 'image' and 'resolution'"
     return {str(key): value for key, value in data.items()}, None
@@ -370,14 +348,10 @@ class _Image(Struct, frozen=True):
 def _image(path: Path) -> _Image:
     try:
         grid = read_pgm(path)
-    except (MapError, OSError, ValueError) as error:
-        fault = str(error).replace(str(path), "").lstrip(": ")
-    else:
         return _Image((grid.width, grid.height))
-    try:
-        image = _other_image(path.read_bytes())
-    except OSError:
-        image = None
+    except MapError as error:
+        fault = str(error).replace(str(path), "").lstrip(": ")
+    image = _other_image(first_bytes(path, -1))
     if image is None:
         return _Image(fault=f"{fault}; map_server cannot load it")
     is_expected_ending = path.suffix.lower() in image.endings

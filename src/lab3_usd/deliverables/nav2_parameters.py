@@ -9,7 +9,7 @@ from typing import Any
 
 import yaml
 
-from lab3_usd.deliverables.plain_yaml import PlainLoader
+from lab3_usd.deliverables.plain_yaml import NOT_YAML, PlainLoader, not_yaml
 from lab3_usd.errors import SpecError
 from lab3_usd.model.folder import NavigationSubject, Parameter, Refusal, kind_of
 from lab3_usd.spec.lab import FrameSpec
@@ -47,10 +47,8 @@ def read_params(
         return NavigationSubject(
             ros, navigation, frames, file, fault=f"cannot be read ({error.strerror})"
         )
-    except (yaml.YAMLError, UnicodeDecodeError, RecursionError, ValueError) as error:
-        mark = getattr(error, "problem_mark", None)
-        place = f", see line {mark.line + 1}" if mark is not None else ""
-        return NavigationSubject(ros, navigation, frames, file, fault=f"is not YAML{place}")
+    except NOT_YAML as error:
+        return NavigationSubject(ros, navigation, frames, file, fault=not_yaml(error))
     parameters = tuple(parameter for parameter in entries if isinstance(parameter, Parameter))
     refusals = tuple(refusal for refusal in entries if isinstance(refusal, Refusal))
     fault = None if entries else f"has no '{_PARAMETERS}'"

@@ -58,6 +58,15 @@ def load_plain(text: str | bytes) -> Any:
     return yaml.load(text, Loader=PlainLoader)  # noqa: S506 - a safe loader
 
 
+NOT_YAML = (yaml.YAMLError, RecursionError, ValueError)  # what `load_plain` raises
+
+
+def not_yaml(error: Exception) -> str:
+    """Say that a text is not YAML, and in which line where that is known."""
+    mark = getattr(error, "problem_mark", None)
+    return "is not YAML" + (f", see line {mark.line + 1}" if mark is not None else "")
+
+
 def _or_text(construct: _Construct) -> _Construct:
     """Make a constructor return the text where there is no value that can be computed with."""
 

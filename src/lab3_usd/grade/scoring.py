@@ -185,18 +185,6 @@ def _fault(finding: Finding) -> Fault:
     return Fault(finding.rule, finding.message, place, finding.unmet, finding.costs)
 
 
-def grade(
-    rubric: Rubric,
-    results: Iterable[StageResult],
-    checklist: Iterable[ChecklistItem] = (),
-    *,
-    findings: Iterable[Finding] = (),
-    late: bool = False,
-) -> Grade:
-    """Return the points for the results of one submission, in whatever order they come."""
-    return grade_facts(rubric, facts_of(results, rubric.required, findings, checklist), late=late)
-
-
 def grade_facts(
     rubric: Rubric,
     facts: SubmissionFacts,

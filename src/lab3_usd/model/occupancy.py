@@ -48,11 +48,11 @@ class OccupancyMap(Struct, frozen=True):
 
     def walls_within(self, cells: int) -> frozenset[Cell]:
         """Return the cells that are no further than so many from a wall, diagonals included."""
-        return _within(self.walls, cells)
+        return cells_within(self.walls, cells)
 
 
 @lru_cache(maxsize=4)
-def _within(walls: frozenset[Cell], cells: int) -> frozenset[Cell]:
+def cells_within(walls: frozenset[Cell], cells: int) -> frozenset[Cell]:
     """Return the cells around walls; the runs of a class are laid on one map."""
     steps = range(-cells, cells + 1)
     beside = {(u + i, v) for u, v in walls for i in steps}

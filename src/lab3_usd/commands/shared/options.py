@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import os
 import sys
 from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
@@ -159,6 +160,19 @@ from_option = release_option(
 def file_option(*names: str, text: str) -> Option:
     """Return an option that names a file to read."""
     return click.option(*names, type=Input(path_type=Path), metavar="FILE", help=text)
+
+
+class FiniteRange(click.FloatRange):
+    """A range of numbers; `nan` lies in none, which click's own ranges accept."""
+
+    name = "number"
+
+    def convert(self, value: Any, param: click.Parameter | None, ctx: click.Context | None) -> Any:
+        """Return a number of the range."""
+        number = super().convert(value, param, ctx)
+        if math.isnan(number):
+            self.fail(f"{value!r} is not a number", param, ctx)
+        return number
 
 
 rules_options = all_of(

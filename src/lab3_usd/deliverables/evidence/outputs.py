@@ -12,9 +12,7 @@ from collections.abc import Iterator
 from itertools import dropwhile, takewhile
 from typing import Any
 
-import yaml
-
-from lab3_usd.deliverables.plain_yaml import load_plain
+from lab3_usd.deliverables.plain_yaml import NOT_YAML, load_plain
 from lab3_usd.model.folder import (
     ABOVE_ZERO,
     SHOWN,
@@ -57,7 +55,7 @@ def _parse(document: str) -> Message:
         data = load_plain(document) if len(document) <= _LONGEST_MESSAGE else None
         if isinstance(data, dict):
             return {**dict(_flat(data, "", set())), **counts}
-    except (yaml.YAMLError, RecursionError, ValueError):
+    except NOT_YAML:
         pass
     return {**dict(_by_line(document)), **counts}
 
@@ -116,7 +114,7 @@ def _by_line(document: str) -> Iterator[tuple[str, Scalar]]:
 def _scalar(text: str) -> Scalar:
     try:
         value = load_plain(text)
-    except (yaml.YAMLError, RecursionError, ValueError):
+    except NOT_YAML:
         return text
     return value if isinstance(value, _SCALARS) else text
 

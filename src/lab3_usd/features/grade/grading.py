@@ -2,31 +2,19 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import Any
 
 import click
 from msgspec import Struct
 
-from lab3_usd.commands.shared.options import all_of, file_option, recorded, refuse_options
+from lab3_usd.commands.shared.options import (
+    FiniteRange,
+    all_of,
+    file_option,
+    recorded,
+    refuse_options,
+)
 from lab3_usd.errors import UsageError
-
-
-class Seconds(click.FloatRange):
-    """A range of seconds; what is no number lies in none."""
-
-    def convert(
-        self,
-        value: Any,
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> Any:
-        """Return a number of the range."""
-        seconds = super().convert(value, param, ctx)
-        if not math.isfinite(seconds):
-            self.fail(f"{value} is not a number of seconds.", param, ctx)
-        return seconds
 
 
 class BoundOptions(Struct, frozen=True):
@@ -39,7 +27,7 @@ class BoundOptions(Struct, frozen=True):
 bound_options = all_of(
     click.option(
         "--timeout",
-        type=Seconds(1, 3600),
+        type=FiniteRange(1, 3600),
         default=20,
         show_default=True,
         metavar="S",

@@ -2,14 +2,20 @@
 
 from __future__ import annotations
 
-import math
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING
 
 import click
 from msgspec import Struct
+from msgspec.structs import replace
 
-from lab3_usd.commands.shared.options import echo, recorded, write_into, written_folder
+from lab3_usd.commands.shared.options import (
+    FiniteRange,
+    echo,
+    recorded,
+    write_into,
+    written_folder,
+)
 from lab3_usd.commands.shared.paths import Input
 from lab3_usd.errors import UsageError
 
@@ -21,25 +27,7 @@ CELLS = click.IntRange(1, 10_000)
 FARTHEST = 100_000.0  # metres; no laboratory is larger, and larger numbers lose centimetres
 
 
-class Metres(click.FloatRange):
-    """A length in metres; refuses `nan`, which click's own ranges accept."""
-
-    name = "metres"
-
-    def convert(
-        self,
-        value: Any,
-        param: click.Parameter | None,
-        ctx: click.Context | None,
-    ) -> float:
-        """Return the number, or fail with one line."""
-        number: float = super().convert(value, param, ctx)
-        if math.isnan(number):
-            self.fail(f"{value} is not a length", param, ctx)
-        return number
-
-
-PLACE = Metres(-FARTHEST, FARTHEST)
+PLACE = FiniteRange(-FARTHEST, FARTHEST)
 
 
 class MapOptions(Struct, frozen=True):
@@ -55,7 +43,7 @@ class MapOptions(Struct, frozen=True):
 @click.command("map")
 @click.argument("stage", type=Input(path_type=Path))
 @written_folder("Folder for the map's YAML and image.")
-@click.option("--resolution", type=Metres(0.001, 100.0), metavar="M", help="Metres per cell.")
+@click.option("--resolution", type=FiniteRange(0.001, 100.0), metavar="M", help="Metres per cell.")
 @click.option("--origin", type=(PLACE, PLACE), metavar="X Y", help="Lower left corner, metres.")
 @click.option("--size", type=(CELLS, CELLS), metavar="W H", help="Cells across and up.")
 @click.option(
@@ -74,7 +62,7 @@ def command(stage: Path, folder: Path, area: MapOptions, *, force: bool) -> None
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
     from lab3_usd.deliverables.drawn_maps import MapFrame, draw_map
-    from lab3_usd.deliverables.maps import MapFile, map_yaml, pgm
+    from lab3_usd.deliverables.maps import map_yaml, pgm
     from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()
@@ -92,12 +80,7 @@ def command(stage: Path, folder: Path, area: MapOptions, *, force: bool) -> None
     drawn = draw_map(frame, cut.segments, start)
     if not drawn.closed:
         click.echo("warning: the free space reaches the edge of the map", err=True)
-    described = MapFile(
-        image=spec.image,
-        resolution=frame.resolution,
-        origin=(*frame.origin, spec.origin[2]),
-        **{key: getattr(spec, key) for key in ("mode", "negate", "occupied_thresh", "free_thresh")},
-    )
+    described = replace(spec, resolution=frame.resolution, origin=(*frame.origin, spec.origin[2]))
     files = {yaml_file: map_yaml(described).encode(), image_file: pgm(drawn.grid)}
     write_into(folder, files, force=force)
 
