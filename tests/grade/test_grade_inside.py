@@ -521,7 +521,8 @@ def starter_with_asset(folder: Path, reference: str) -> Path:
 def test_a_starter_reaches_other_machines_with_assets_outside_its_folder(tmp_path: Path) -> None:
     path = starter_with_asset(tmp_path, "../assets/room.usda")
     shipment = packed(PoolSettings(path, None, Limits()))
-    assert [name for name, _ in shipment.files] == ["assets/room.usda", "mine/starter.usda"]
+    names = [name for name, _ in shipment.files]
+    assert names == ["starter/assets/room.usda", "starter/mine/starter.usda"]
     there = unpacked(shipment, tmp_path / "there").starter
     assert there is not None
     assert there.read_bytes() == path.read_bytes()

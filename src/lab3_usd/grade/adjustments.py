@@ -15,6 +15,7 @@ from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.files import write_whole
 from lab3_usd.grade.rubric import Rubric
 from lab3_usd.grade.text_table import TextTable, csv_line, read_text_table
+from lab3_usd.report.entries import plural
 
 ADJUSTMENTS, LATE = "adjustments.csv", "late.csv"  # the copies that the gradebook keeps
 _COLUMNS = ("student", "item", "points", "text")
@@ -40,11 +41,6 @@ class Adjustment(Struct, frozen=True):
 
 
 ByItem = Mapping[str, Adjustment]
-
-
-def days_text(days: int) -> str:
-    """Return a number of days in words."""
-    return f"{days} day{'s' * (days != 1)}"
 
 
 class Tables(Struct, frozen=True):
@@ -300,7 +296,7 @@ def _dropped(before: _Lines | None, now: _Lines | None, roll: Roll) -> Iterator[
     stays = {key(now, row) for row in now.counted}
     gone = [row for row in before.counted if key(before, row) not in stays]
     if gone:
-        lines = f"{len(gone)} line{'s' * (len(gone) != 1)}"
+        lines = plural(len(gone), "line")
         yield f"{lines} of the table before no longer count; to keep them, add to the new one:"
     for row in gone:
         yield f"    {csv_line(before.value(row, name) for name in before.form).rstrip()}"

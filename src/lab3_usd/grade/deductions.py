@@ -9,6 +9,7 @@ from collections.abc import Iterable, Sequence
 
 from lab3_usd.grade.scoring import Deduction
 from lab3_usd.model.grade import LostPoints
+from lab3_usd.report.entries import plural
 
 
 def reasons(lost: Iterable[Deduction]) -> list[LostPoints]:
@@ -46,16 +47,13 @@ def _of_one_fault(group: Sequence[Deduction]) -> LostPoints:
         text = first.found if is_named else f"{part}: {first.found}"
     further = len({line.requirement for line in group}) - 1
     if further:
-        text += (
-            f" ({further} more {'requirement' if further == 1 else 'requirements'} not met by it)"
-        )
+        text += f" ({plural(further, 'more requirement')} not met by it)"
     return LostPoints(points, text, first.rule, first.place)
 
 
 def carried_text(lost: Iterable[Deduction]) -> str:
     """Say what a student lost in all by faults of earlier parts; '' for nothing."""
     again = [line for line in lost if line.again]
-    items = len({line.item for line in again})
+    items = plural(len({line.item for line in again}), "item")
     points = sum(line.points for line in again)
-    into = f"{items} item{'s' * (items > 1)}"
-    return f"carried over into {into}: -{points:.2f}" if again else ""
+    return f"carried over into {items}: -{points:.2f}" if again else ""

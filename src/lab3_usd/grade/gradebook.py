@@ -14,7 +14,7 @@ from msgspec import to_builtins
 from lab3_usd.check.manual import rules_in
 from lab3_usd.errors import UsageError
 from lab3_usd.files import leftover_files, make_folder, write_parts, write_whole
-from lab3_usd.grade.adjustments import ADJUSTMENTS, LATE, days_text
+from lab3_usd.grade.adjustments import ADJUSTMENTS, LATE
 from lab3_usd.grade.deductions import reasons
 from lab3_usd.grade.intake.submissions import StudentSubmission
 from lab3_usd.grade.lock import LOCK
@@ -30,6 +30,7 @@ from lab3_usd.grade.shared_reports import (
 from lab3_usd.grade.text_table import csv_line
 from lab3_usd.model.finding import Report
 from lab3_usd.model.grade import GradeItem, GradeSummary, LostPoints
+from lab3_usd.report.entries import plural
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.html.class_page import class_page
 from lab3_usd.report.options import NAME, Options, tool_version
@@ -388,7 +389,7 @@ def _csv_lines(rows: Iterable[Row], rubric: Rubric) -> Iterator[bytes]:
         cells = [row["student"], row["name"], *(row.get(key, "") for key in team)]
         days = row.get("days_late")
         late = "yes" if row["late"] else ""
-        cells += [row["status"], days_text(days) if days or (late and days == 0) else late]
+        cells += [row["status"], plural(days, "day") if days or (late and days == 0) else late]
         cells += [_number(row[key]) for key in ("earned", "possible", "percent")]
         for name in names:  # blocked and open items have no points
             has_points = earned[name]["state"] not in {"blocked", "open"}

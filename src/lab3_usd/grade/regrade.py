@@ -19,7 +19,6 @@ from lab3_usd.grade.adjustments import (
     Decisions,
     Roll,
     Tables,
-    days_text,
     decisions_in,
     keep_copy,
 )
@@ -46,6 +45,7 @@ from lab3_usd.grade.scoring import Grade, SubmissionFacts, grade_facts
 from lab3_usd.grade.shared_reports import SHARED, shared_folder, write_shared
 from lab3_usd.model.finding import Report, Submission
 from lab3_usd.model.grade import ADJUSTED, REMARK
+from lab3_usd.report.entries import plural
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
 from lab3_usd.report.safe_text import json_text
@@ -89,10 +89,9 @@ class ChangedGrade(Struct, frozen=True):
             points = f"{before.earned:.2f} of {before.possible:g} -> {points} ({gained})"
         late = ""
         if "days late" in self.changes:
-            is_given = after.days_late is not None
-            late = (
-                f", {days_text(after.days_late or 0)} late" if is_given else ", days late not given"
-            )
+            late = ", days late not given"
+            if after.days_late is not None:
+                late = f", {plural(after.days_late, 'day')} late"
         remarks = ", other remarks" if "remarks" in self.changes else ""
         return f"{self.student}: {points}{late}{remarks}"
 

@@ -12,10 +12,11 @@ from typing import Literal, NamedTuple
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.grade.adjustments import WHOLE, Adjustment, days_text
+from lab3_usd.grade.adjustments import WHOLE, Adjustment
 from lab3_usd.grade.rubric import Cap, Item, Rubric, fits_name
 from lab3_usd.model.finding import ChecklistItem, Finding, Requirement, StageResult, is_among
 from lab3_usd.model.grade import ADJUSTED, REMARK
+from lab3_usd.report.entries import plural
 from lab3_usd.spec.submission import named_checkpoint
 
 State = Literal["full", "part", "none", "missing", "unreadable", "blocked", "open"]
@@ -226,7 +227,7 @@ def _decided(rubric: Rubric, total: Grade, by_hand: Adjustment) -> Grade:
     points, because = total.earned, list(total.because)
     if by_hand.days:
         points = max(0.0, points - by_hand.days * rubric.late.per_day * total.possible)
-        because.append(f"late by {days_text(by_hand.days)}, each {rubric.late.per_day:.0%}")
+        because.append(f"late by {plural(by_hand.days, 'day')}, each {rubric.late.per_day:.0%}")
     if by_hand.points is not None:
         change = by_hand.points - (0.0 if by_hand.is_change else points)
         because.append(f"{ADJUSTED}{by_hand.text} ({change:+g} points)")

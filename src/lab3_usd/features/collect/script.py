@@ -11,13 +11,6 @@ from lab3_usd.deliverables.nav2_templates import fill_template
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import RosSpec
 
-SCRIPT = "collect.sh"
-RESULTS = "results"
-GOAL_FILE = "goal.txt"
-GOAL_POSE_FILE = "goal_pose.txt"
-DAEMON_FILE = "daemon.txt"
-ROBOT_BEFORE_FILE = "goal_robot_before.txt"
-BAG = "recording"
 # The topics of goals are hidden ones; images are large, and their info says when they came.
 _RECORD = ("ros2", "bag", "record", "--all", "--include-hidden-topics")
 _IMAGE = "sensor_msgs/msg/Image"
@@ -43,9 +36,8 @@ def collect_script(lab: Lab) -> str:
     }
     return fill_template(
         Path(__file__).with_name("collect.sh.j2"),
-        script=SCRIPT,
         lab=lab.title,
-        results=next(iter(lab.submission.folders.shown), RESULTS),
+        results=next(iter(lab.submission.folders.shown), "results"),
         navigation=ros.navigation is not None,
         manifest=MANIFEST,
         setup=shlex.quote(ros.system.setup),
@@ -54,12 +46,7 @@ def collect_script(lab: Lab) -> str:
         commands=lines,
         moves=any(topic.subscribed for topic in ros.topics.values()) or ros.navigation is not None,
         goal=goal,
-        no_goal=shlex.quote(f"{SCRIPT}: {lab.title} has no navigation goal to wait for"),
-        goal_file=GOAL_FILE,
-        pose_file=GOAL_POSE_FILE,
-        daemon_file=DAEMON_FILE,
-        robot_before=ROBOT_BEFORE_FILE,
-        bag=BAG,
+        no_goal=shlex.quote(f"collect.sh: {lab.title} has no navigation goal to wait for"),
         record_bag=shlex.join([*_RECORD, *without_images]),
         frames=frames
         and {

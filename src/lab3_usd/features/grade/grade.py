@@ -35,7 +35,6 @@ from lab3_usd.commands.shared.paths import (
 from lab3_usd.data import program
 from lab3_usd.errors import EXIT_CRASH, UsageError
 from lab3_usd.features.grade.grading import (
-    BoundOptions,
     ExportOptions,
     bound_options,
     check_export,
@@ -182,7 +181,7 @@ def _complete_students(
 @click.option("--insecure-cluster", is_flag=True, help="Accept a public scheduler without TLS.")
 @recorded("asked", ClassOptions)
 def command(
-    submissions: str | None, asked: ClassOptions, bounds: BoundOptions, export: ExportOptions
+    submissions: str | None, asked: ClassOptions, limits: Limits, export: ExportOptions
 ) -> None:
     """Grade a class: a folder for each student, archives, or single stages.
 
@@ -198,12 +197,12 @@ def command(
     """
     _check(submissions, asked, export)
     if asked.form is not None:
-        _grade_alone(Path(str(submissions)), asked, bounds)
+        _grade_alone(Path(str(submissions)), asked, limits)
         return
     if asked.regrade is not None:
         _regrade(asked.regrade, asked, export)
     if submissions is not None and asked.starter is not None:
-        _grade(submissions, asked.starter, asked, bounds, export)
+        _grade(submissions, asked.starter, asked, limits, export)
     if export.gradebook is not None and export.roster is not None:
         _fill_export(export.gradebook, export.roster, asked, export)
     if asked.explain is not None:
@@ -266,6 +265,7 @@ def _fill_export(platform: str, roster: Path, asked: ClassOptions, options: Expo
     from lab3_usd.grade.feedback import reasons_by_student, write_feedback
     from lab3_usd.grade.filled_export import decision_lines, fill_export, write_export
     from lab3_usd.grade.gradebook import read_gradebook
+    from lab3_usd.report.entries import plural
     from lab3_usd.report.safe_text import visible
 
     out = asked.book
@@ -285,8 +285,7 @@ def _fill_export(platform: str, roster: Path, asked: ClassOptions, options: Expo
     else:
         click.echo(write_export(out, export, force=asked.force))
         for returned in write_feedback(out, export, book) if options.feedback else ():
-            students = f"{returned.students} student{'s' * (returned.students != 1)}"
-            click.echo(f"{returned.path}: {students}")
+            click.echo(f"{returned.path}: {plural(returned.students, 'student')}")
             for name in returned.left_out:
                 click.echo(f"    left out: {visible(name)}")
     for text in decision_lines(export):
@@ -337,13 +336,14 @@ def _grade(
     submissions: str,
     starter: Path,
     asked: ClassOptions,
-    bounds: BoundOptions,
+    limits: Limits,
     export: ExportOptions,
 ) -> None:
     """Grade a class into a gradebook."""
     from lab3_usd.grade.adjustments import Tables
     from lab3_usd.grade.class_run import ClassSettings
     from lab3_usd.grade.intake.addresses import is_address
+    from lab3_usd.report.entries import plural
 
     settings = ClassSettings(
         submissions=submissions if is_address(submissions) else Path(submissions),
@@ -352,7 +352,7 @@ def _grade(
         rubric=asked.rubric,
         by_hand=Tables(asked.adjust, asked.late),
         maps=asked.maps,
-        limits=_limits(bounds),
+        limits=limits,
         jobs=asked.jobs or _processors(),
         resume=asked.resume,
         assets=asset_places(asked.assets),
@@ -364,8 +364,8 @@ def _grade(
     rows = _graded_or_continued(settings)
     counts = Counter(row["status"] for row in rows)
     states = ", ".join(f"{count} {status}" for status, count in sorted(counts.items()))
-    number = f"{counts.total()} submission{'s' * (counts.total() != 1)}"
-    click.echo(f"{number} ({states}): {asked.book / 'index.html'}")
+    submissions_graded = plural(counts.total(), "submission")
+    click.echo(f"{submissions_graded} ({states}): {asked.book / 'index.html'}")
     _tell_failures(rows)
     _tell_exports(asked.book, export)
     if counts["tool failed"]:
@@ -427,7 +427,7 @@ def _tell_failures(rows: Iterable[Row]) -> None:
         _notify(f"{len(failed) - _NAMED} more have no grade, see crashes in grades.json")
 
 
-def _grade_alone(submission: Path, asked: ClassOptions, bounds: BoundOptions) -> None:
+def _grade_alone(submission: Path, asked: ClassOptions, limits: Limits) -> None:
     """Write the Gradescope result of one submission; where the program fails there is none.
 
     Raises:
@@ -456,7 +456,7 @@ def _grade_alone(submission: Path, asked: ClassOptions, bounds: BoundOptions) ->
     settings = PoolSettings(
         asked.starter,
         asked.rubric,
-        _limits(bounds),
+        limits,
         assets=asset_places(asked.assets),
         supplied_map=None if asked.maps is None else supplied_map(asked.maps),
     )
@@ -465,12 +465,6 @@ def _grade_alone(submission: Path, asked: ClassOptions, bounds: BoundOptions) ->
         click.echo(f"{program()}: {graded['reason']}", err=True)
         sys.exit(EXIT_CRASH)
     write_report(graded["reports"][GRADESCOPE], None if out is None else str(out))
-
-
-def _limits(bounds: BoundOptions) -> Limits:
-    from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
-
-    return Limits(seconds=bounds.timeout, memory=bounds.memory * MEGABYTE)
 
 
 def _notify(line: str) -> None:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import click
 from msgspec import Struct
@@ -11,17 +12,20 @@ from lab3_usd.commands.shared.options import (
     FiniteRange,
     all_of,
     file_option,
+    made_of,
     recorded,
     refuse_options,
 )
 from lab3_usd.errors import UsageError
 
+if TYPE_CHECKING:
+    from lab3_usd.grade.intake.submission_copy import Limits
 
-class BoundOptions(Struct, frozen=True):
-    """What a worker may use for one file: seconds of processor time, and megabytes."""
 
-    timeout: float
-    memory: int
+def _limits(timeout: float, memory: int) -> Limits:
+    from lab3_usd.grade.intake.submission_copy import MEGABYTE, Limits
+
+    return Limits(seconds=timeout, memory=memory * MEGABYTE)
 
 
 bound_options = all_of(
@@ -41,7 +45,7 @@ bound_options = all_of(
         metavar="MB",
         help="Memory that a worker may use.",
     ),
-    recorded("bounds", BoundOptions),
+    made_of("limits", ("timeout", "memory"), _limits),
 )
 
 

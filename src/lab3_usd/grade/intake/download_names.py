@@ -111,13 +111,15 @@ def _number(digits: str) -> int:
     return int(digits[:_LONGEST_NUMBER])
 
 
-def _labels(people: Iterable[tuple[str, str]]) -> dict[tuple[str, str], str]:
-    """Return what tells people apart, by number and name: the number, unless two names share it."""
-    pairs = set(people)
-    shared = Counter(number for number, _ in pairs)
+def _labels(people: Mapping[str, tuple[str, str]]) -> dict[str, str]:
+    """Return what tells people apart, whose number and name are given for each file.
+
+    It is the number, unless two names share it.
+    """
+    shared = Counter(number for number, _ in set(people.values()))
     return {
-        (number, name): f"{number} {name}" if shared[number] > 1 else number
-        for number, name in pairs
+        file: f"{number} {name}" if shared[number] > 1 else number
+        for file, (number, name) in people.items()
     }
 
 
@@ -265,10 +267,10 @@ def _moodle(names: Iterable[str]) -> dict[str, FileOwner]:
     people = {
         name: (match["id"] or match["name"], match["name"]) for name, match in matches.items()
     }
-    labels = _labels(people.values())
+    labels = _labels(people)
     return {
         name: FileOwner(
-            labels[people[name]],
+            labels[name],
             "moodle",
             Person(match["name"], {MOODLE_NUMBER: match["id"]} if match["id"] else {}),
             match["file"] or "",
@@ -290,10 +292,10 @@ def _brightspace(names: Iterable[str]) -> dict[str, FileOwner]:
     people = {
         name: (match[ours] or match["name"], match["name"]) for name, match in matches.items()
     }
-    labels = _labels(people.values())
+    labels = _labels(people)
     return {
         name: FileOwner(
-            labels[people[name]],
+            labels[name],
             "brightspace",
             _with_id_inside(match["name"]),
             match["file"] or "",
@@ -315,17 +317,13 @@ def _with_id_inside(name: str) -> Person:
 
 def _minutes(date: str) -> int:
     """Return a date as a number that grows with time; 0 where it cannot be read."""
-    day, _, time = date.rpartition(" ")
-    if time in {"AM", "PM"}:
-        day, _, clock = day.rpartition(" ")
-        time = f"{clock.zfill(4)} {time}"
-    for form in ("%b %d, %Y %I%M %p", "%b %d, %Y %H%M", "%B %d, %Y %I%M %p", "%B %d, %Y %H%M"):
-        try:
-            when = datetime.strptime(f"{day} {time}", form)  # noqa: DTZ007 - only compared
-        except ValueError:
-            continue
-        return int(when.strftime("%Y%m%d%H%M"))
-    return 0
+    month, day, year, clock, *half = date.replace(",", "").split()
+    text = " ".join((month[:3], day, year, clock.zfill(4), *half))
+    try:
+        when = datetime.strptime(text, f"%b %d %Y {'%I%M %p' if half else '%H%M'}")  # noqa: DTZ007
+    except ValueError:
+        return 0
+    return int(when.strftime("%Y%m%d%H%M"))
 
 
 # ---- Blackboard

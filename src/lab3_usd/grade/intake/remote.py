@@ -9,6 +9,7 @@ import re
 import threading
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -333,7 +334,7 @@ def archive_at(address: str, scratch: Path, limits: Limits) -> Path | None:
         raise UsageError(f"{shown}: is neither a folder nor an archive of submissions")
     bounds = FetchLimits(limits, threading.Event(), whole=True)
     try:
-        within(_HOUR, lambda: fetch(location, scratch / name, bounds), bounds)
+        _fetched_within(_HOUR, lambda: location, scratch / name, bounds)
     except (UnreachedError, TooLargeError) as error:
         raise UsageError(f"{shown}: {error}") from error
     return scratch / name
@@ -366,12 +367,8 @@ def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[],
     bounds = FetchLimits(limits, threading.Event())
     path = target / source.path.name
     try:
-        left_out = within(
-            limits.all_seconds,
-            lambda: fetch(storage_at(source.address), path, bounds),
-            bounds,
-            stopped,
-        )
+        at = partial(storage_at, source.address)
+        left_out = _fetched_within(limits.all_seconds, at, path, bounds, stopped)
     except UnreachedError as error:
         raise UnreachedError(f"{source.path.name}: {error}") from error
     except UsageError as error:
@@ -379,22 +376,23 @@ def _fetched(source: Source, target: Path, limits: Limits, stopped: Callable[[],
     return replace(source, path=path, address="", left_out=left_out)
 
 
-def within(
+def _fetched_within(
     seconds: float,
-    get: Callable[[], Any],
+    location: Callable[[], StorageLocation],
+    target: Path,
     bounds: FetchLimits,
     stopped: Callable[[], bool] = lambda: False,
-) -> Any:
-    """Return what `get` returns or raise what it raises; a storage that hangs is not waited for.
+) -> Fetched:
+    """Fetch what lies at a location (see `fetch`); a storage that hangs is not waited for.
 
     Raises:
         UnreachedError: it took too long, or `stopped` became true.
     """
-    answers: queue.Queue[Any] = queue.Queue()
+    answers: queue.Queue[Fetched | Exception] = queue.Queue()
 
     def run() -> None:
         try:
-            answers.put(get())
+            answers.put(fetch(location(), target, bounds))
         except Exception as error:  # noqa: BLE001 - raised again in the caller's thread
             answers.put(error)
 

@@ -7,7 +7,7 @@ least deep. The others are named.
 from __future__ import annotations
 
 import os
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from pathlib import Path
 
 from msgspec import Struct
@@ -17,6 +17,7 @@ from lab3_usd.grade.intake.guard import can_be_read
 from lab3_usd.grade.intake.submission_copy import FILE_PASSED_OVER, RefusedFile, SubmissionCopy
 from lab3_usd.model.folder import FolderFile
 from lab3_usd.pipeline.folder import is_submission
+from lab3_usd.report.entries import plural
 from lab3_usd.spec.load.loader import load_lab
 
 _DEEPEST = 6
@@ -163,7 +164,7 @@ def _remarks(chosen: StageFolder, aside: Sequence[StageFolder]) -> Iterator[Fold
     """Yield the remarks about the folders that are left out."""
     if not aside:
         return
-    judged = f"{_shown(chosen.path)} is judged ({_counted(chosen)})"
+    judged = f"{_shown(chosen.path)} is judged ({counted(chosen.checkpoints)})"
     equal = [
         folder
         for folder in aside
@@ -184,22 +185,16 @@ def _shown(path: str) -> str:
 
 def _holding(folder: StageFolder, chosen: StageFolder) -> str:
     if not folder.contents:
-        return f"{folder.unread} stage{'s' * (folder.unread > 1)}, none of which can be read"
+        return f"{plural(folder.unread, 'stage')}, none of which can be read"
     if folder.contents <= chosen.contents:
-        return f"{_counted(folder)}, the same files"
+        return f"{counted(folder.checkpoints)}, the same files"
     lacking = [number for number in folder.checkpoints if number not in chosen.checkpoints]
     lacks = f"; only there: {', '.join(lacking)}" if lacking else ""
-    return f"{_counted(folder)}{lacks}"
+    return f"{counted(folder.checkpoints)}{lacks}"
 
 
-def _counted(folder: StageFolder) -> str:
-    return counted(folder.checkpoints)
-
-
-def counted(checkpoints: Iterable[str]) -> str:
+def counted(checkpoints: Sequence[str]) -> str:
     """Say how many checkpoints can be read, and which."""
-    numbers = list(checkpoints)
-    if not numbers:
+    if not checkpoints:
         return "no checkpoint that can be read"
-    plural = "s" * (len(numbers) > 1)
-    return f"{len(numbers)} checkpoint{plural}: {', '.join(numbers)}"
+    return f"{plural(len(checkpoints), 'checkpoint')}: {', '.join(checkpoints)}"

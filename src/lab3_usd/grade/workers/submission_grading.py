@@ -39,6 +39,7 @@ from lab3_usd.pipeline.folder import FolderResult, check_folder
 from lab3_usd.pipeline.results import UNREADABLE, with_findings
 from lab3_usd.pipeline.stage import JudgeSettings
 from lab3_usd.pipeline.starter_comparison import Starter
+from lab3_usd.report.entries import plural
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
 from lab3_usd.spec.submission import has_teams, team_in, team_of
@@ -294,11 +295,8 @@ def _status(
             return "unreadable", because  # what it holds may be all that was handed in
         return "empty", because or "holds no stage of a checkpoint"
     if all(staged.digests.get(result.path) == _EMPTY for result in judged.results):
-        number = len(judged.results)
-        return (
-            "unreadable",
-            f"{number} stage{'s' * (number > 1)} of 0 bytes: {PLACEHOLDER}; hand in the file",
-        )
+        stages = plural(len(judged.results), "stage")
+        return "unreadable", f"{stages} of 0 bytes: {PLACEHOLDER}; hand in the file"
     crashes = _crashes(judged)
     if any(crash.error.startswith(MemoryError.__name__) for _, crash in crashes):
         raise MemoryError  # in a rule, which is not at fault
