@@ -332,7 +332,8 @@ def is_safe(call: ast.Call, module: object) -> bool:
     if call.func.attr not in {"load", "load_all"} or not loaders:
         return False
     loader = operator.attrgetter(ast.unparse(loaders[0]))(module)
-    return issubclass(loader, (yaml.SafeLoader, getattr(yaml, "CSafeLoader", yaml.SafeLoader)))
+    names = ("SafeLoader", "CSafeLoader", "BaseLoader", "CBaseLoader")
+    return issubclass(loader, tuple(filter(None, (getattr(yaml, name, None) for name in names))))
 
 
 def test_yaml_is_loaded_safely_everywhere() -> None:

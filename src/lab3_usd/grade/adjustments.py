@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping
 from datetime import datetime, timedelta
 from pathlib import Path
 
@@ -14,12 +14,13 @@ from lab3_usd.errors import UsageError
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.files import write_whole
 from lab3_usd.grade.rubric import Rubric
-from lab3_usd.grade.text_table import TextTable, csv_line, read_text_table
+from lab3_usd.grade.text_table import csv_line, read_text_table
 from lab3_usd.report.entries import plural
 
 ADJUSTMENTS, LATE = "adjustments.csv", "late.csv"  # the copies that the gradebook keeps
-_COLUMNS = ("student", "item", "points", "text")
-_STUDENT, _LATE_DAYS, _TIMES = "student", "days", ("submitted", "deadline")
+# The columns that say what was decided.
+_OF_POINTS = ("student", "item", "points", "text")
+_OF_DAYS, _OF_TIMES = ("student", "days"), ("student", "submitted", "deadline")
 WHOLE = ""  # the item of what is decided about a whole submission
 _DAYS = re.compile(r"([1-9][0-9]?)d", re.ASCII)
 _DAY = timedelta(days=1)
@@ -35,8 +36,8 @@ class Adjustment(Struct, frozen=True):
 
     text: str
     points: float | None
-    is_change: bool
     line: int
+    is_change: bool = False
     days: int | None = None
 
 
@@ -57,37 +58,29 @@ class Decisions(Struct, frozen=True):
     dropped: tuple[str, ...] = ()
 
 
+class _Line(Struct, frozen=True):
+    """A line of a table: where it begins in the file, as a cell may hold several, and its cells."""
+
+    number: int
+    cells: Mapping[str, str]
+
+
 class _Lines(Struct, frozen=True):
-    """The lines of a table, by the columns that it must have and those that it may have."""
+    """The lines of a table, and the columns of it that say what was decided, () for none."""
 
     path: Path
-    table: TextTable
-    columns: Mapping[str, int]
-
-    def value(self, row: int, column: str) -> str:
-        """Return what a line says in a column."""
-        return self.table.value(row, self.columns[column]).strip()
+    form: tuple[str, ...]
+    lines: tuple[_Line, ...]
 
     @property
-    def form(self) -> tuple[str, ...]:
-        """The columns that say what was decided; of times, or of days, or of points."""
-        forms = (_COLUMNS, (_STUDENT, _LATE_DAYS), (_STUDENT, *_TIMES))
-        return next((form for form in forms if self.columns.keys() >= set(form)), (_STUDENT,))
+    def counted(self) -> list[_Line]:
+        """Those that decide something: each with points or words, and who has a day or time."""
+        of_points = self.form == _OF_POINTS
+        return [line for line in self.lines if of_points or line.cells[self.form[1]]]
 
-    @property
-    def counted(self) -> list[int]:
-        """The rows that decide something: each with points or words, and who has a day or time."""
-        form = self.form
-        return [row for row in self.table.lines if form == _COLUMNS or self.value(row, form[1])]
-
-    def place(self, row: int) -> str:
-        """Return the file and the line in which a row begins: a cell may hold several lines."""
-        return f"{self.path}: line {self.line(row)}"
-
-    def line(self, row: int) -> int:
-        """Return the line of the file in which a row begins."""
-        before = self.table.text[: self.table.rows[row][0].start]
-        return len(re.findall(r"\r\n|\r|\n", before)) + 1
+    def place(self, line: _Line) -> str:
+        """Return the file and the line in it."""
+        return f"{self.path}: line {line.number}"
 
 
 class Roll:
@@ -171,23 +164,28 @@ def _lines(path: Path | None) -> _Lines | None:
         return None
     table = read_text_table(path)
     headings = [heading.casefold() for heading in table.headings] if table.rows else []
-    return _Lines(path, table, {name: headings.index(name) for name in headings})
+    columns = {name: headings.index(name) for name in headings}
+    forms = (_OF_POINTS, _OF_DAYS, _OF_TIMES)
+    form = next((form for form in forms if columns.keys() >= set(form)), ())
+    lines = []
+    for row in table.lines:
+        before = table.text[: table.rows[row][0].start]
+        number = len(re.findall(r"\r\n|\r|\n", before)) + 1
+        cells = {name: table.value(row, column).strip() for name, column in columns.items()}
+        lines.append(_Line(number, cells))
+    return _Lines(path, form, tuple(lines))
 
 
-def _need(lines: _Lines, columns: Sequence[str]) -> None:
-    if not lines.columns.keys() >= set(columns):
-        raise UsageError(f"{lines.path}: needs the columns {', '.join(columns)}")
-
-
-def _adjustments(lines: _Lines, rubric: Rubric, roll: Roll) -> dict[str, dict[str, Adjustment]]:
+def _adjustments(table: _Lines, rubric: Rubric, roll: Roll) -> dict[str, dict[str, Adjustment]]:
     """Return what a table of decisions says, by student and item."""
-    _need(lines, _COLUMNS)
+    if table.form != _OF_POINTS:
+        raise UsageError(f"{table.path}: needs the columns {', '.join(_OF_POINTS)}")
     points = {item.id: item.points for item in rubric.items}
     points[WHOLE] = sum(points.values())
     by_student: dict[str, dict[str, Adjustment]] = {}
-    for row in lines.table.lines:
-        student, item, amount, text = (lines.value(row, name) for name in _COLUMNS)
-        line, place = lines.line(row), lines.place(row)
+    for line in table.lines:
+        student, item, amount, text = (line.cells[name] for name in _OF_POINTS)
+        place = table.place(line)
         own = by_student.setdefault(roll.student_at(place, student), {})
         if item not in points:
             item_ids = ", ".join(filter(None, points))
@@ -200,11 +198,11 @@ def _adjustments(lines: _Lines, rubric: Rubric, roll: Roll) -> dict[str, dict[st
         days = _DAYS.fullmatch(amount) if item == WHOLE else None
         if days is not None:
             _need_price(rubric, f"{place}: {amount}")
-            own[item] = Adjustment(text, None, is_change=False, line=line, days=int(days[1]))
-            continue
-        own[item] = Adjustment(
-            text, _points(amount, points[item], place), amount.startswith(("+", "-")), line
-        )
+            own[item] = Adjustment(text, None, line.number, days=int(days[1]))
+        else:
+            amount_points = _points(amount, points[item], place)
+            is_change = amount.startswith(("+", "-"))
+            own[item] = Adjustment(text, amount_points, line.number, is_change=is_change)
     return by_student
 
 
@@ -224,45 +222,38 @@ def _points(amount: str, most: float, place: str) -> float | None:
     return points
 
 
-def _late(lines: _Lines, rubric: Rubric, roll: Roll) -> dict[str, Adjustment]:
+def _late(table: _Lines, rubric: Rubric, roll: Roll) -> dict[str, Adjustment]:
     """Return who is late by a table of days, or of times and deadlines; a day begun counts."""
-    is_counted = _LATE_DAYS in lines.columns
-    if not is_counted and not lines.columns.keys() >= {_STUDENT, *_TIMES}:
+    if table.form not in {_OF_DAYS, _OF_TIMES}:
         raise UsageError(
-            f"{lines.path}: needs the columns student, days or student, submitted, deadline"
+            f"{table.path}: needs the columns {', '.join(_OF_DAYS)} or {', '.join(_OF_TIMES)}"
         )
-    _need(lines, (_STUDENT,))
-    _need_price(rubric, f"{lines.path}:")
+    _need_price(rubric, f"{table.path}:")
     late_by_student: dict[str, Adjustment] = {}
-    for row in lines.table.lines:
-        place = lines.place(row)
-        name = lines.value(row, _STUDENT)
-        days = _days(lines, row, place) if is_counted else _days_after(lines, row, place)
-        if days is None or (not days and not roll.called(name)):
+    for line in table.counted:
+        name, place = line.cells["student"], table.place(line)
+        if table.form == _OF_DAYS:
+            days = _days(line.cells["days"], place)
+        else:
+            days = _days_after(line.cells["submitted"], line.cells["deadline"], place)
+        if not days and not roll.called(name):
             continue  # who did not hand in is in the table too
         student = roll.student_at(place, name)
         if student in late_by_student:
             raise UsageError(f"{place}: {student} is in line {late_by_student[student].line} too")
-        late_by_student[student] = Adjustment(
-            "", None, is_change=False, line=lines.line(row), days=days
-        )
+        late_by_student[student] = Adjustment("", None, line.number, days=days)
     return late_by_student
 
 
-def _days(lines: _Lines, row: int, place: str) -> int | None:
-    days = lines.value(row, _LATE_DAYS).removesuffix("d")
-    if not days:
-        return None
+def _days(written: str, place: str) -> int:
+    days = written.removesuffix("d")
     if not re.fullmatch(r"[0-9]{1,3}", days, re.ASCII):
         raise UsageError(f"{place}: '{days}' is not a number of days, such as 0 or 2")
     return int(days)
 
 
-def _days_after(lines: _Lines, row: int, place: str) -> int | None:
-    """Return how many days after the deadline was submitted, None where no time is given."""
-    submitted, deadline = (lines.value(row, name) for name in _TIMES)
-    if not submitted:
-        return None
+def _days_after(submitted: str, deadline: str, place: str) -> int:
+    """Return how many days after the deadline was submitted."""
     try:
         after = _time(submitted, place) - _time(deadline, place)
     except TypeError as error:
@@ -288,15 +279,15 @@ def _dropped(before: _Lines | None, now: _Lines | None, roll: Roll) -> Iterator[
     if before is None or now is None:
         return
 
-    def key(lines: _Lines, row: int) -> tuple[str, str]:
-        name = lines.value(row, _STUDENT)
-        item = lines.value(row, "item") if lines.form == _COLUMNS else WHOLE
+    def key(table: _Lines, line: _Line) -> tuple[str, str]:
+        name = line.cells["student"]
+        item = line.cells["item"] if table.form == _OF_POINTS else WHOLE
         return (",".join(roll.called(name)) or name, item)
 
-    stays = {key(now, row) for row in now.counted}
-    gone = [row for row in before.counted if key(before, row) not in stays]
+    stays = {key(now, line) for line in now.counted}
+    gone = [line for line in before.counted if key(before, line) not in stays]
     if gone:
         lines = plural(len(gone), "line")
         yield f"{lines} of the table before no longer count; to keep them, add to the new one:"
-    for row in gone:
-        yield f"    {csv_line(before.value(row, name) for name in before.form).rstrip()}"
+    for line in gone:
+        yield f"    {csv_line(line.cells[name] for name in before.form).rstrip()}"

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import io
 import zipfile
-from collections.abc import Callable, Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -18,7 +18,7 @@ from msgspec import Struct
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.grade.filled_export import FilledExport
-from lab3_usd.grade.gradebook import STUDENTS, lost_by
+from lab3_usd.grade.gradebook import STUDENTS, Row, lost_by
 from lab3_usd.grade.intake.people import CANVAS_USER, MOODLE_NUMBER
 from lab3_usd.grade.rosters import PLATFORMS
 from lab3_usd.grade.shared_reports import REPORTS
@@ -59,18 +59,28 @@ def write_feedback(out: Path, export: FilledExport, book: Mapping[str, Any]) -> 
     Raises:
         UsageError: the platform takes nothing that is known, or a file cannot be written.
     """
-    platform = export.roster.platform
-    if platform not in _WAYS:
-        names = ", ".join(_WAYS)
-        raise UsageError(f"--feedback: how {platform} takes reports is not known; {names} is")
-    return [*_WAYS[platform](out, export, book)]
+    roster, rows = export.roster, {row["student"]: row for row in book["students"]}
+    if roster.platform == "moodle":
+        return [_moodle(out, export, rows)]
+    if roster.platform == "canvas":
+        return [_canvas(out, export, rows), _assessments(out / "canvas-rubric.csv", export, book)]
+    if roster.platform != "blackboard":
+        raise UsageError(
+            f"--feedback: how {roster.platform} takes reports is not known; moodle, canvas, "
+            "blackboard is"
+        )
+    if roster.comment < 0:
+        raise UsageError(
+            f"{roster.path}: has no column of comments; choose Work Offline > Download with "
+            "comments"
+        )
+    return []  # it takes comments in the export itself, and no files
 
 
-def _moodle(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterator[Returned]:
-    """Yield the archive for "Upload multiple feedback files in a zip": a folder for each person."""
-    rows = _rows(book)
+def _moodle(out: Path, export: FilledExport, rows: Mapping[str, Row]) -> Returned:
+    """Write the archive for "Upload multiple feedback files in a zip": a folder for each person."""
     files = [
-        (f"lab3_{number}_assignsubmission_file/{NAME}", report)
+        (f"lab3_{number}_assignsubmission_file/{NAME}", report.read_bytes())
         for row, student in export.returned
         if (number := row.ids.get(MOODLE_NUMBER)) and (report := _report(out, rows[student]))
     ]
@@ -80,15 +90,15 @@ def _moodle(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterato
         without = [
             f"{roster.path}: has no column '{heading}', so that reasons are in reports alone"
         ]
-    yield _archive(out / "moodle-feedback.zip", files, without)
+    return _archive(out / "moodle-feedback.zip", files, without)
 
 
-def _canvas(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterator[Returned]:
-    """Yield the archive for "Upload Submissions", and the table of rubric assessments.
+def _canvas(out: Path, export: FilledExport, rows: Mapping[str, Row]) -> Returned:
+    """Write the archive for "Upload Submissions".
 
     Canvas shows a file under the name of what was handed in: only an archive can come back.
     """
-    rows, files, left_out = _rows(book), [], []
+    files, left_out = [], []
     for row, student in export.returned:
         entries = [name for name in rows[student]["entries"] if name.lower().endswith(_ZIP)]
         report = _report(out, rows[student])
@@ -96,13 +106,13 @@ def _canvas(out: Path, export: FilledExport, book: Mapping[str, Any]) -> Iterato
             files.append((entries[-1], _zipped([(_REPORT, report.read_bytes())])))
         else:
             left_out.append(f"{row.label}: handed in no archive")
-    yield _archive(out / "canvas-feedback.zip", files, left_out)
-    yield _assessments(out / "canvas-rubric.csv", export, book)
+    return _archive(out / "canvas-feedback.zip", files, left_out)
 
 
 def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> Returned:
     """Write points and comments for each criterion, called as the items are."""
-    rows, titles = _rows(book), {item["id"]: item["title"] for item in book["items"]}
+    rows = {row["student"]: row for row in book["students"]}
+    titles = {item["id"]: item["title"] for item in book["items"]}
     parts = ("Points", "Comments", "Rating")
     lines = [["Student Id", *(f"{t} - {part}" for t in titles.values() for part in parts)]]
     returned = [(row.ids[CANVAS_USER], rows[student]) for row, student in export.returned
@@ -121,31 +131,6 @@ def _assessments(path: Path, export: FilledExport, book: Mapping[str, Any]) -> R
     return Returned(path, len(returned))
 
 
-def _blackboard(_out: Path, export: FilledExport, _book: Mapping[str, Any]) -> Iterator[Returned]:
-    """Yield nothing more: Blackboard takes comments in the export itself, and no files.
-
-    Raises:
-        UsageError: the export has no column of comments.
-    """
-    if export.roster.comment < 0:
-        raise UsageError(
-            f"{export.roster.path}: has no column of comments; choose Work Offline > Download with "
-            "comments"
-        )
-    yield from ()
-
-
-_WAYS: Mapping[str, Callable[[Path, FilledExport, Mapping[str, Any]], Iterator[Returned]]] = {
-    "moodle": _moodle,
-    "canvas": _canvas,
-    "blackboard": _blackboard,
-}
-
-
-def _rows(book: Mapping[str, Any]) -> dict[str, dict[str, Any]]:
-    return {row["student"]: row for row in book["students"]}
-
-
 def _report(out: Path, row: Mapping[str, Any]) -> Path | None:
     """Return the page of a student, None where there is none."""
     shared = row.get("shared")
@@ -154,14 +139,9 @@ def _report(out: Path, row: Mapping[str, Any]) -> Path | None:
     return page if page.is_file() else None
 
 
-def _archive(
-    path: Path, files: Iterable[tuple[str, Path | bytes]], left_out: Iterable[str] = ()
-) -> Returned:
-    contents = [
-        (name, file if isinstance(file, bytes) else file.read_bytes()) for name, file in files
-    ]
-    write_whole(path, _zipped(contents), force=True)
-    return Returned(path, len(contents), tuple(left_out))
+def _archive(path: Path, files: Sequence[tuple[str, bytes]], left_out: Iterable[str]) -> Returned:
+    write_whole(path, _zipped(files), force=True)
+    return Returned(path, len(files), tuple(left_out))
 
 
 def _zipped(files: Iterable[tuple[str, bytes]]) -> bytes:

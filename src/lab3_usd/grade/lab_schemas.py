@@ -76,7 +76,7 @@ def schema_of(file: str) -> dict[str, Any]:
     if name in _LAID_OVER:
         root.pop("required", None)
     used: dict[str, Any] = {}
-    waiting = [*_references(root)]
+    waiting = _references(root)
     while waiting:
         reference = waiting.pop()
         if reference not in used:
@@ -121,13 +121,11 @@ def _definitions() -> dict[str, dict[str, Any]]:
         entries: dict[str, Any] = {"$ref": _DEFS.format(name=entry.__name__)}
         inner = fields[field]
         inner = next((option for option in inner.get("anyOf", ()) if len(option) > 1), inner)
-        if inner["type"] == "array":
-            fields[field] = {"type": "array", "items": entries}
-        elif inner.get("additionalProperties", {}).get("type") == "array":
-            entries = {"type": "array", "items": entries}
-            fields[field] = {"type": "object", "additionalProperties": entries}
-        else:
-            fields[field] = {"type": "object", "additionalProperties": entries}
+        in_list = {"type": "array", "items": entries}
+        if inner.get("additionalProperties", {}).get("type") == "array":
+            entries = in_list
+        is_list = inner["type"] == "array"
+        fields[field] = in_list if is_list else {"type": "object", "additionalProperties": entries}
         if key:
             described = definitions[entry.__name__]
             described["properties"].pop(key, None)
@@ -139,20 +137,10 @@ def _definitions() -> dict[str, dict[str, Any]]:
     for definition in definitions.values():
         if "description" in definition:  # which Pythons before 3.13 indent as the source is
             definition["description"] = cleandoc(definition["description"])
-        _put_null_last(definition)
+        for schema in _mappings(definition):
+            if "anyOf" in schema:  # which releases of msgspec order differently
+                schema["anyOf"].sort(key=lambda option: option.get("type") == "null")
     return definitions
-
-
-def _put_null_last(schema: Any) -> None:
-    """Order the options of every `anyOf`, which releases of msgspec order differently."""
-    if isinstance(schema, dict):
-        if "anyOf" in schema:
-            schema["anyOf"].sort(key=lambda option: option.get("type") == "null")
-        for part in schema.values():
-            _put_null_last(part)
-    elif isinstance(schema, list):
-        for part in schema:
-            _put_null_last(part)
 
 
 def _hook(kind: type) -> dict[str, Any]:
@@ -162,13 +150,16 @@ def _hook(kind: type) -> dict[str, Any]:
     raise NotImplementedError(kind)
 
 
-def _references(schema: Any) -> Iterator[str]:
-    """Yield the names of the definitions that a schema refers to."""
+def _references(schema: Any) -> list[str]:
+    """Return the names of the definitions that a schema refers to."""
+    return [part["$ref"].rpartition("/")[2] for part in _mappings(schema) if "$ref" in part]
+
+
+def _mappings(schema: Any) -> Iterator[dict[str, Any]]:
+    """Yield every mapping of a schema, itself included."""
     if isinstance(schema, dict):
-        if "$ref" in schema:
-            yield schema["$ref"].rpartition("/")[2]
-        for value in schema.values():
-            yield from _references(value)
-    elif isinstance(schema, list):
-        for value in schema:
-            yield from _references(value)
+        yield schema
+        schema = [*schema.values()]
+    if isinstance(schema, list):
+        for part in schema:
+            yield from _mappings(part)

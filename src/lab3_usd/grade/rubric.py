@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import json
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from fnmatch import fnmatchcase
 from functools import cached_property, lru_cache
 from pathlib import Path
@@ -63,6 +63,11 @@ class Item(Struct, frozen=True, forbid_unknown_fields=True):
         return fits_name(requirement.group, self.groups) and fits_name(
             requirement.id, self.requirements
         )
+
+
+def fits_any(pattern: str, names: Iterable[str]) -> bool:
+    """Whether one of these names fits a pattern."""
+    return any(fnmatchcase(name, pattern) for name in names)
 
 
 def fits_name(name: str, patterns: Collection[str]) -> bool:
@@ -178,14 +183,13 @@ def with_lab(rubric: Rubric, required: Mapping[str, tuple[Requirement, ...]]) ->
             paid.update(requirement.id for requirement in own)
         if not own:
             reached.append(item.checkpoint)
-        before = rubric.items[: rubric.items.index(item)]
-        counting = [each_item for each_item in before if each_item.checkpoint in reached]
         counting = [
-            each_item for each_item in counting if asked[each_item.id] and not each_item.optional
+            before
+            for before in rubric.items[: rubric.items.index(item)]
+            if before.checkpoint in reached and asked[before.id] and not before.optional
         ]
-        earlier[item.id] = tuple(
-            sorted(counting, key=lambda each_item: numbers.index(each_item.checkpoint))
-        )
+        counting.sort(key=lambda before: numbers.index(before.checkpoint))
+        earlier[item.id] = tuple(counting)
     return replace(rubric, required=required, asked=asked, earlier=earlier, added=_added(required))
 
 
@@ -278,14 +282,14 @@ def _check_breaks(item: Item, required: Mapping[str, tuple[Requirement, ...]], p
     rules = {*all_rules(), *FAMILIES}
     for name in item.breaks:
         is_rule = name.partition(_ERROR)[2] in rules if _ERROR in name else name in rules
-        if not is_rule and not any(fnmatchcase(identifier, name) for identifier in ids):
+        if not is_rule and not fits_any(name, ids):
             raise SpecError(
                 f"{place}: '{name}' in 'breaks' is not a rule, and nothing that "
                 f"checkpoint {item.checkpoint} asks for"
             )
     every = [requirement.id for asked in required.values() for requirement in asked]
     for name in item.rests:
-        if _ERROR not in name and not any(fnmatchcase(identifier, name) for identifier in every):
+        if _ERROR not in name and not fits_any(name, every):
             raise SpecError(f"{place}: '{name}' in 'rests' is nothing that a checkpoint asks for")
     for name in item.files:
         one_of(name, rules, f"{place}: files")
@@ -313,17 +317,15 @@ def _check_requirements(
 ) -> None:
     one_of(item.checkpoint, required, place)
     requirements = required[item.checkpoint]
-    for key, patterns in (("groups", item.groups), ("requirements", item.requirements)):
-        for pattern in patterns:
-            name = "group" if key == "groups" else "id"
-            if not any(
-                fnmatchcase(getattr(requirement, name), pattern) for requirement in requirements
-            ):
-                groups = ", ".join(dict.fromkeys(requirement.group for requirement in requirements))
-                raise SpecError(
-                    f"{place}: '{pattern}' in '{key}' is nothing that checkpoint {item.checkpoint} "
-                    f"asks for; its groups are {groups}"
-                )
+    groups = dict.fromkeys(requirement.group for requirement in requirements)
+    ids = [requirement.id for requirement in requirements]
+    wrong = [("groups", name) for name in item.groups if not fits_any(name, groups)]
+    wrong += [("requirements", name) for name in item.requirements if not fits_any(name, ids)]
+    for key, pattern in wrong:
+        raise SpecError(
+            f"{place}: '{pattern}' in '{key}' is nothing that checkpoint {item.checkpoint} "
+            f"asks for; its groups are {', '.join(groups)}"
+        )
     if not any(item.asks(requirement) for requirement in requirements):
         raise SpecError(f"{place}: its groups and requirements have nothing in common")
 
@@ -398,14 +400,7 @@ def everything_asked(lab: Lab) -> Mapping[str, tuple[Requirement, ...]]:
     empty = StageModel(lab.platform, "", 1.0, 1.0, (), {})
     return {
         number: tuple(
-            Requirement(
-                requirement.id,
-                requirement.group,
-                requirement.kind,
-                requirement.title,
-                met=False,
-                handout=requirement.handout,
-            )
+            replace(requirement, met=False, judged=True, slight=False)
             for requirement in judge(lab, checkpoint, empty).requirements
         )
         for number, checkpoint in lab.checkpoints.items()
@@ -421,7 +416,7 @@ def _check_cap(cap: Cap, items: Collection[str], checkpoints: Collection[str], p
     for name in cap.items:
         one_of(name, items, place)
     for pattern in cap.checkpoints:
-        if not any(fnmatchcase(number, pattern) for number in checkpoints):
+        if not fits_any(pattern, checkpoints):
             one_of(pattern, checkpoints, place)
 
 
@@ -456,7 +451,7 @@ def _checklist_faults(lab: Lab, required: tuple[Requirement, ...]) -> Iterator[L
     for line in lab.submission.checklist:
         key = f"checklist: {line.section}: '{line.text}'"
         for pattern in line.requirements:
-            if not any(fnmatchcase(requirement.id, pattern) for requirement in required):
+            if not fits_any(pattern, [requirement.id for requirement in required]):
                 message = f"'{pattern}' fits no requirement of checkpoint {lab.last}"
                 groups = ", ".join(dict.fromkeys(requirement.group for requirement in required))
                 yield LabFault(SUBMISSION, f"{key}: requirements", message, f"groups: {groups}")

@@ -8,7 +8,7 @@ import importlib
 import pickle
 import threading
 import time
-from collections.abc import Callable, Generator, Iterable, Sequence
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import CancelledError
 from contextlib import suppress
 from dataclasses import dataclass
@@ -62,24 +62,19 @@ def cluster_runner(
     def run(tasks: Iterable[Task], settings: PoolSettings) -> Generator[Answer]:
         with connected(address, notify, insecure=insecure, patience=patience) as client:
             data = pickle.dumps(packed(settings))
+
+            def send() -> Any:
+                # As the result of a task it can be made again: the scheduler keeps what that task
+                # is given. What is scattered instead is lost with the machines that have it.
+                dask = importlib.import_module("dask")
+                with dask.config.set({_WARNING_SIZE: "1 TB"}):  # a starter's assets may be large
+                    return client.submit(bytes, data, pure=False, retries=_RETRIES)
+
             digest = hashlib.sha256(data).digest()
-            cluster = Cluster(
-                client, address, lambda: _sent(client, data), digest, notify, patience.to_return
-            )
+            cluster = Cluster(client, address, send, digest, notify, patience.to_return)
             yield from answers_of(tasks, [cluster] * _MOST_AT_ONCE, Cluster.judge, lambda _: None)
 
     return run
-
-
-def _sent(client: Any, data: bytes) -> Any:
-    """Send what every machine needs to the cluster, once.
-
-    As the result of a task it can be made again: the scheduler keeps what that task is given. What
-    is scattered instead is lost with the machines that have it.
-    """
-    dask = importlib.import_module("dask")
-    with dask.config.set({_WARNING_SIZE: "1 TB"}):  # the assets of a starter may be large
-        return client.submit(bytes, data, pure=False, retries=_RETRIES)
 
 
 @dataclass(slots=True, eq=False)
@@ -146,7 +141,9 @@ class Cluster:
             with self._lock:
                 self.look()
                 able = [machine for machine in self._machines.values() if not machine.out]
-                machines = _untried(able, faults)
+                machines = [m for m in able if all(m is not tried for tried, _ in faults)]
+                if len(faults) == 1 and not machines:
+                    machines = able  # there is no other one; it may have been for a moment
                 if losses >= _MOST_LOSSES or (
                     faults and able and (len(faults) >= _MOST_TRIES or not machines)
                 ):
@@ -283,15 +280,6 @@ class Cluster:
         if not machine.out:
             machine.out = reason
             self._notify(f"{machine.address}: judges nothing more in this run: {reason}")
-
-
-def _untried(machines: Sequence[ClusterMachine], faults: _Faults) -> Sequence[ClusterMachine]:
-    """Return the machines that did not fail at a task; where there is no other one, it once more.
-
-    It may have been for a moment.
-    """
-    others = [machine for machine in machines if all(machine is not tried for tried, _ in faults)]
-    return others if others or len(faults) != 1 else machines
 
 
 def _freest(machines: Iterable[ClusterMachine]) -> ClusterMachine | None:

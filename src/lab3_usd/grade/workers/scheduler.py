@@ -20,6 +20,7 @@ from lab3_usd.installation import install_command
 
 _WITH_TLS = ("tls", "wss")
 _TO_ANSWER = 0.5  # seconds more than to connect, whose own error says why that failed
+_TIMEOUTS = (TimeoutError, asyncio.TimeoutError)  # not the same before Python 3.11
 _GUIDE = "see docs/cluster.md"
 _CERTIFICATES = ("ca-file", "client.cert", "client.key")
 _LOGGERS = ("distributed", "tornado", "asyncio")
@@ -79,7 +80,12 @@ def connected(
             own = str(client.scheduler_info()["address"])
             if own != address:
                 _refuse_exposed(own, notify, insecure=insecure)
-            _await_worker(client, address, patience.to_find)
+            try:
+                client.wait_for_workers(1, timeout=patience.to_find)
+            except _TIMEOUTS as error:
+                raise UsageError(
+                    f"{address}: the cluster has no worker; start one with `dask worker {address}`"
+                ) from error
             with client.as_current():  # Dask may be in use by somebody else in this process
                 yield client
         finally:
@@ -107,17 +113,8 @@ def _await_answer(distributed: Any, address: str, security: Any, seconds: float)
 
     try:
         asyncio.run(asyncio.wait_for(ask(), seconds + _TO_ANSWER))
-    except (TimeoutError, asyncio.TimeoutError) as error:  # not the same before Python 3.11
+    except _TIMEOUTS as error:
         raise OSError(f"no answer in {seconds:g} s") from error
-
-
-def _await_worker(client: Any, address: str, seconds: float) -> None:
-    try:
-        client.wait_for_workers(1, timeout=seconds)
-    except (TimeoutError, asyncio.TimeoutError) as error:  # not the same before Python 3.11
-        raise UsageError(
-            f"{address}: the cluster has no worker; start one with `dask worker {address}`"
-        ) from error
 
 
 def _security(address: str, distributed: Any) -> Any:
