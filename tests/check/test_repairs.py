@@ -13,7 +13,8 @@ from in_process import invoke
 from msgspec.structs import replace
 from pxr import Gf, Usd, UsdGeom
 
-from lab3_usd.grade.workers.submission_grading import _without_repairs
+from lab3_usd.grade.intake.staging import StagedSubmission
+from lab3_usd.grade.workers.submission_grading import _completed
 from lab3_usd.model.changes import (
     Edit,
     MovePrim,
@@ -216,6 +217,7 @@ def test_checking_leaves_the_stage_as_it_was(wrong: Path) -> None:
 
 def test_reports_of_grading_hold_no_repairs(wrong: Path) -> None:
     result = check_stage(wrong)
-    found = _without_repairs(FolderResult((result,), Submission(".")))
+    judged = FolderResult((result,), Submission("."))
+    found = _completed(judged, "jane", StagedSubmission(Path(), "", (), {}), (), {})
     bare = tuple(replace(finding, fix=None) for finding in result.findings)
     assert found.results[0].findings == bare != result.findings
