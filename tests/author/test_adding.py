@@ -273,7 +273,8 @@ def test_a_robot_in_a_missing_file_is_not_guessed(tmp_path: Path) -> None:
     stage.Save()
     assert "gone.usda" in refusal(tmp_path / "scene.usda", "drive")
     named = refusal(tmp_path / "scene.usda", "camera", prim="/World/Bot1/Camera")
-    assert named == "--prim /World/Bot1/Camera: ./gone.usda cannot be found, which could hold it"
+    lost = "./gone.usda cannot be found, which could hold"
+    assert named == f"{lost} /World/Bot1/Camera (/World/Bot1)"
 
 
 def test_the_namespace_of_the_robot_is_written_into_its_nodes(tmp_path: Path) -> None:

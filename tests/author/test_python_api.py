@@ -114,5 +114,5 @@ def test_a_stage_that_changed_meanwhile_is_not_replaced(tmp_path: Path) -> None:
 
 def test_an_option_that_is_misspelt_is_told_with_the_one_that_is_meant(tmp_path: Path) -> None:
     stage = Stage.open(rover_at(tmp_path))
-    with pytest.raises(UsageError, match="'topc' is not an option; did you mean topic"):
+    with pytest.raises(UsageError, match="'topc' is not an option of drive; did you mean topic"):
         stage.add("drive", topc="/cmd_vel")

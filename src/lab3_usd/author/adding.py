@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from contextlib import closing
 from pathlib import Path
 from typing import Any
 
@@ -10,7 +11,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.author.choosing import present_prim
-from lab3_usd.author.editing import Editing
+from lab3_usd.author.editing import Editing, new_since
 from lab3_usd.author.frame_holes import sent_frames
 from lab3_usd.author.holes import planned, subjects
 from lab3_usd.author.places import graph_to_extend, new_path
@@ -21,7 +22,7 @@ from lab3_usd.check.registry import Parameters
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.facts.frame_targets import frame_of_prim, tf_ports
 from lab3_usd.facts.frames import all_edges
-from lab3_usd.facts.planned_graphs import Likeness, extension, likeness
+from lab3_usd.facts.planned_graphs import Likeness, extension, graph_at, likeness, names_any
 from lab3_usd.files import FileState, copy_beside
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.recipes import Recipe
@@ -31,13 +32,12 @@ from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.pipeline.any_stage import lint_platform
 from lab3_usd.stage.edit.added import added_prims, variants_at
-from lab3_usd.stage.edit.session import open_for_edits
 from lab3_usd.stage.read.opening import open_stage, quiet
-from lab3_usd.stage.read.properties import release_start_values
 from lab3_usd.stage.read.stage_reader import read_model
 
 _TO_LIGHT = "it was there before, and shows only now"
 _MOST_SHOWN = 4
+_FRAMES = "tf"
 
 
 class Addition(Struct, frozen=True):
@@ -100,21 +100,16 @@ def add_graphs(path: Path, requests: Sequence[Request], options: AddOptions) -> 
         UsageError: a request is wrong, or something does already what is asked for.
         StageError: the stage cannot be opened or edited.
     """
-    stage, state = open_for_edits(path)
-    editing = Editing.begin(path, stage, options.release, options.parameters)
-    try:
+    with closing(Editing.begin(path, options.release, options.parameters)) as editing:
         before = editing.findings()
         additions: list[Addition] = []
         for request in requests:
             wanted = with_frames(request, editing.model)
             additions += [add_one(editing, each, options) for each in wanted]
         after = editing.findings()
-        data = editing.new_root(state)
-    finally:
-        release_start_values(stage)
-        editing.session.close()
+        data = editing.new_root()
     awaited, new = new_findings(before, after, additions, editing.platform)
-    return Added(path, tuple(additions), before, after, awaited, new, state, data)
+    return Added(path, tuple(additions), before, after, awaited, new, editing.state, data)
 
 
 def new_findings(
@@ -124,16 +119,13 @@ def new_findings(
     platform: Platform,
 ) -> tuple[tuple[tuple[Finding, str], ...], tuple[Finding, ...]]:
     """Return the new errors and warnings: those that another command resolves, and the others."""
-    earlier = {_key(finding) for finding in before}
     leaves: dict[str, str] = {}
     for addition in additions:
         recipe = platform.recipes.get(addition.request.kind)
         leaves |= recipe.leaves if recipe is not None else {}
     tops = [addition.graph for addition in additions]
     awaited, new = [], []
-    for finding in after:
-        if finding.severity == "note" or _key(finding) in earlier:
-            continue
+    for finding in new_since(before, after):
         places = (finding.prim, *finding.related)
         if finding.rule in leaves:
             awaited.append((finding, leaves[finding.rule]))
@@ -142,10 +134,6 @@ def new_findings(
         else:
             awaited.append((finding, _TO_LIGHT))
     return tuple(awaited), tuple(new)
-
-
-def _key(finding: Finding) -> tuple[str, str, str | None]:
-    return finding.rule, finding.identity or finding.prim, finding.property
 
 
 def with_frames(request: Request, model: StageModel) -> tuple[Request, ...]:
@@ -169,9 +157,6 @@ def with_frames(request: Request, model: StageModel) -> tuple[Request, ...]:
         domain=request.options.domain,
     )
     return request, Request(_FRAMES, tf)
-
-
-_FRAMES = "tf"
 
 
 def _variants(editing: Editing, subject: str) -> Iterator[Hole]:
@@ -219,7 +204,13 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
         graph = extension(graph, shared, own, model)
     elif request.options.graph is not None and _stands(editing, path):
         if path not in alike or not options.replaces:
-            _refuse_taken(path, next((each for each in there if each.path == path), None))
+            standing = next((each for each in there if each.path == path and each.is_alike), None)
+            if standing is not None:
+                raise _other_values(standing)
+            raise UsageError(
+                f"--graph {path} is taken: a graph is there; choose another path, or extend it "
+                f"with --into {path}"
+            )
         made_way = [path]
     write = AddGraph.of(graph, recipe.kind)
     editing.edit([*map(DropPrim, made_way), *((write,) if into is None else write.contents)])
@@ -227,13 +218,15 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     first = _in_the_way(new, recipe, alike, editing.model)
     if first and options.replaces and into is None and set(first) <= {*alike}:
         made_way = list(first)
+        drops = map(DropPrim, (graph.path, *made_way))
         graph = replace(graph, path=request.options.graph or made_way[0])
-        drops = map(DropPrim, (*new_tops(new), *made_way))
         editing.edit([*drops, AddGraph.of(graph, recipe.kind)])
         new = frozenset(f"{graph.path}/{role}" for role in graph.nodes)
         first = _in_the_way(new, recipe, [], editing.model)
-    if first:
-        _refuse(first, there, alike)
+    for path, text in first.items():
+        if path in alike:
+            raise _other_values(next(each for each in there if each.path == path))
+        raise UsageError(text)
     return Addition(
         request,
         graph.path,
@@ -245,37 +238,28 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     )
 
 
-def new_tops(new: frozenset[str]) -> list[str]:
-    """Return the graphs of new nodes."""
-    return sorted({path.rpartition("/")[0] for path in new})
-
-
 def _in_the_way(
     new: frozenset[str], recipe: Recipe, alike: Sequence[str], model: StageModel
 ) -> dict[str, str]:
     """Return the graphs that do already what new nodes do, each with what does what."""
     first: dict[str, str] = {}
-    for rival in rivals(new, model):
-        first.setdefault(rival.path.rpartition("/")[0], f"{rival.path} {rival.what}")
+    for rival, what in rivals(new, model):
+        first.setdefault(rival.rpartition("/")[0], f"{rival} {what}")
     for graph in alike if recipe.is_single else ():
         first.setdefault(graph, f"{graph} is a {recipe.kind} of the same robot already")
     return first
 
 
-def _refuse(first: dict[str, str], there: Sequence[Likeness], alike: Sequence[str]) -> None:
-    graph, text = next(iter(first.items()))
-    if graph not in alike:
-        raise UsageError(text)
-    likest = next(each for each in there if each.path == graph)
-    differences = "; ".join(likest.differences[:_MOST_SHOWN]) or "other nodes"
-    raise UsageError(f"{graph} is there with other values: {differences}; --replace renews it")
+def _other_values(own: Likeness) -> UsageError:
+    """Return the error that a graph is there with other values than those asked for."""
+    differences = "; ".join(own.differences[:_MOST_SHOWN]) or "other nodes"
+    return UsageError(f"{own.path} is there with other values: {differences}; --replace renews it")
 
 
 def _is_about(path: str, subject: str, model: StageModel) -> bool:
     """Whether a graph names a robot or sensor, or prims of it; of no subject any graph is."""
-    graph = next(graph for graph in model.graphs if graph.path == path)
-    named = {t for node in graph.nodes for s in node.ports.values() for t in s.targets}
-    return not subject or any(is_at_or_below(target, subject) for target in named)
+    graph = graph_at(path, model)
+    return not subject or (graph is not None and names_any(graph.nodes, (subject,)))
 
 
 def _sender_of_all(task: Task, values: dict[str, Any]) -> str:
@@ -297,19 +281,9 @@ def _stands(editing: Editing, path: str) -> bool:
 def _path(editing: Editing, request: Request, recipe: Recipe, subject: str) -> str:
     """Return where the new graph will stand; a graph that is named may be the same one again."""
     asked = request.options.graph
-    if asked is not None and any(graph.path == asked for graph in editing.model.graphs):
+    if asked is not None and graph_at(asked, editing.model) is not None:
         return asked
     return new_path(request, recipe, subject, editing.model, lambda path: _stands(editing, path))
-
-
-def _refuse_taken(path: str, alike: Likeness | None) -> None:
-    if alike is not None and alike.is_alike:
-        differences = "; ".join(alike.differences)
-        raise UsageError(f"{path} is there with other values: {differences}; --replace renews it")
-    raise UsageError(
-        f"--graph {path} is taken: a graph is there; choose another path, or extend it with "
-        f"--into {path}"
-    )
 
 
 def _own_graphs(editing: Editing, recipe: Recipe, subject: str) -> list[str]:

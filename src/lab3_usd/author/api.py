@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
@@ -14,6 +13,7 @@ from lab3_usd.author.editing import Editing
 from lab3_usd.author.places import graph_to_extend, refuse_place
 from lab3_usd.author.request import Request, options_of
 from lab3_usd.errors import AmbiguousError, GraphError, NewFindingsError, UsageError
+from lab3_usd.facts.planned_graphs import free_name, graph_at
 from lab3_usd.facts.robots import Robot, Sensor, robots
 from lab3_usd.files import refuse_existing, replace_files, write_whole
 from lab3_usd.isaac.graph import (
@@ -30,7 +30,6 @@ from lab3_usd.isaac.graph import (
 from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.changes import AddGraph, Connect, wire_edit
-from lab3_usd.stage.edit.session import open_for_edits
 from lab3_usd.stage.read.opening import quiet
 
 _BY_HAND = "python"  # the kind of a graph that no recipe brought
@@ -87,7 +86,7 @@ class GraphOf:
         """Begin a graph at a path, or extend the one that stands there."""
         self._editing = editing
         self.path = path
-        self.extends = any(graph.path == path for graph in editing.model.graphs)
+        self.extends = graph_at(path, editing.model) is not None
         self._nodes: dict[str, NodeOf] = {}
         self._wires: list[Wire] = []
         self._there: dict[str, NodeOf] = {}
@@ -120,7 +119,7 @@ class GraphOf:
             GraphError: there is no such type, no such input, or the value does not fit.
         """
         node_type = type_named(kind, self._editing.platform)
-        role = name or _free(node_type.prim_name, {*self._nodes, *self._there})
+        role = name or free_name(node_type.prim_name, {*self._nodes, *self._there})
         if role in self._nodes or role in self._there:
             raise GraphError(f"{self.path}/{role}: there is a node of this name already")
         targets = {}
@@ -176,11 +175,10 @@ class Added(Struct, frozen=True):
 class Stage:
     """A stage to which graphs are added in memory, until it is saved."""
 
-    def __init__(self, path: Path, editing: Editing, state: Any) -> None:
+    def __init__(self, editing: Editing) -> None:
         """Hold an open stage; use `open`."""
-        self.path = path
+        self.path = editing.path
         self._editing = editing
-        self._state = state
         self._before = editing.findings()
         self._additions: list[Addition] = []
         self._graphs: dict[str, GraphOf] = {}
@@ -194,8 +192,7 @@ class Stage:
             StageError: it cannot be opened.
             UsageError: the release is not known.
         """
-        stage, state = open_for_edits(Path(path))
-        return cls(Path(path), Editing.begin(Path(path), stage, isaac), state)
+        return cls(Editing.begin(Path(path), isaac))
 
     def robots(self) -> tuple[Robot, ...]:
         """Return the robots of the stage, measured in metres."""
@@ -249,7 +246,7 @@ class Stage:
             checked_path(path)
             self._write_graphs()
             model = self._editing.model
-            if not any(graph.path == path for graph in model.graphs):
+            if graph_at(path, model) is None:
                 refuse_place(path, model)
                 if model.prims.get(path) is not None:
                     raise UsageError(f"{path} is taken: a prim is there")
@@ -279,10 +276,10 @@ class Stage:
             _, new = new_findings(self._before, after, self._additions, self._editing.platform)
             if new:
                 raise NewFindingsError(self.path, new)
-        data = self._editing.new_root(self._state)
-        content = self._state.content if data is None else data
+        state = self._editing.state
+        content = self._editing.new_root() or state.content
         if target.resolve() == self.path.resolve():
-            replace_files({target: content}, {target: self._state})
+            replace_files({target: content}, {target: state})
         else:
             refuse_existing(target, force=force)
             write_whole(target, content, force=force)
@@ -298,15 +295,6 @@ class Stage:
                 request = Request(_BY_HAND)
                 self._additions.append(Addition(request, path, len(made.nodes)))
         self._graphs.clear()
-
-
-def _free(name: str, taken: Iterable[str]) -> str:
-    taken_names = set(taken)
-    number, free = 1, name
-    while free in taken_names:
-        free = f"{name}_{number:02}"
-        number += 1
-    return free
 
 
 def _plain(value: Any) -> Any:

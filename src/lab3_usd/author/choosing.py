@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Sequence
+from collections.abc import Sequence
 
 from lab3_usd.author.request import Options
 from lab3_usd.errors import AmbiguousError, UsageError
@@ -10,12 +10,12 @@ from lab3_usd.facts.articulations import articulations
 from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
-from lab3_usd.facts.robots import Robot, Sensor, robots, sensors
+from lab3_usd.facts.robots import Robot, RobotJoint, Sensor, robots, sensors
 from lab3_usd.facts.sensor_faults import faults_of
 from lab3_usd.isaac.recipes import Recipe, SensorKind
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import StageModel
+from lab3_usd.model.stage import StageModel, UnresolvedAsset
 
 WHEELED = "wheels"
 
@@ -29,14 +29,24 @@ def present_prim(path: str, stage: StageModel, option: str, named: Sequence[str]
     prim = stage.prim(path) if path.startswith("/") else None
     if prim is not None:
         return prim
-    missing = stage.unknown(path)
-    if missing is not None:
-        raise UsageError(f"{option} {path}: {missing.asset} cannot be found, which could hold it")
+    refuse_missing(stage.unknown(path), path)
     near = likely_name(path, [prim.path for prim in stage.prims.values() if prim.present])
     by_name = {robot_path.rpartition("/")[2]: robot_path for robot_path in named}
     near = near or by_name.get(likely_name(path.rpartition("/")[2], by_name) or "")
     advice = did_you_mean(near) or (f"; robots: {', '.join(named)}" if named else "")
     raise UsageError(f"{option} {path}: there is no such prim{advice}")
+
+
+def refuse_missing(missing: UnresolvedAsset | None, what: str) -> None:
+    """Refuse to go on where an asset that cannot be found could hold what is looked for.
+
+    Raises:
+        UsageError: there is one.
+    """
+    if missing is not None:
+        raise UsageError(
+            f"{missing.asset} cannot be found, which could hold {what} ({missing.prim})"
+        )
 
 
 def choose_robot(stage: StageModel, options: Options, need: str = "") -> Robot:
@@ -55,11 +65,7 @@ def choose_robot(stage: StageModel, options: Options, need: str = "") -> Robot:
         return fitting[0]
     if fitting:
         raise AmbiguousError("robot", [robot_line(robot) for robot in fitting], "--robot")
-    missing = next(iter(stage.unresolved), None)
-    if missing is not None:
-        raise UsageError(
-            f"{missing.asset} cannot be found, which could hold a robot ({missing.prim})"
-        )
+    refuse_missing(next(iter(stage.unresolved), None), "a robot")
     loose = next(iter(robots(stage)), None)
     if loose is not None:
         raise UsageError(
@@ -82,11 +88,7 @@ def _named_robot(path: str, stage: StageModel) -> Robot:
     above = [robot for robot in by_root.values() if path in robot.links or path == robot.path]
     if above:
         return above[0]
-    missing = stage.unknown_below(path)
-    if missing is not None:
-        raise UsageError(
-            f"{path}: {missing.asset} cannot be found, which could hold the articulation"
-        )
+    refuse_missing(stage.unknown_below(path), f"the articulation of {path}")
     raise UsageError(
         f"--robot {path}: there is no articulation root at or below it; apply Articulation Root"
     )
@@ -123,21 +125,16 @@ def choose_sensor(recipe: Recipe, stage: StageModel, options: Options) -> Sensor
     candidates = [sensor for sensor in sensors(stage) if sensor.kind == recipe.kind]
     if options.robot is not None:
         robot = _named_robot(options.robot, stage)
-        own = {sensor.prim.path for sensor in robot.sensors}
+        tops = (options.robot, *(sensor.prim.path for sensor in robot.sensors))
         candidates = [
             sensor
             for sensor in candidates
-            if sensor.prim.path in own or is_at_or_below(sensor.prim.path, options.robot)
+            if any(is_at_or_below(sensor.prim.path, top) for top in tops)
         ]
     if len(candidates) > 1:
         raise AmbiguousError(recipe.kind, [sensor.prim.path for sensor in candidates], "--prim")
     if not candidates:
-        missing = next(iter(stage.unresolved), None)
-        if missing is not None:
-            raise UsageError(
-                f"{missing.asset} cannot be found, which could hold a {recipe.kind} "
-                f"({missing.prim})"
-            )
+        refuse_missing(next(iter(stage.unresolved), None), f"a {recipe.kind}")
         raise UsageError(f"there is no {recipe.kind}: no prim of type {' or '.join(wanted.types)}")
     _check_type(candidates[0].prim, recipe, wanted)
     return candidates[0]
@@ -157,16 +154,15 @@ def stopping_fault(prim: Prim, stage: StageModel, *, is_scan: bool) -> str:
     return next((fault.message for fault in faults), "")
 
 
-def choose_joints(robot: Robot, names: Sequence[str], joint_names: Iterable[str]) -> None:
-    """Refuse a joint that a robot does not have.
+def choose_joints(robot: Robot, names: Sequence[str]) -> list[RobotJoint]:
+    """Return the joints of these names.
 
     Raises:
-        UsageError: there is none of this name.
+        UsageError: there is none of a name.
     """
-    have = list(joint_names)
+    by_name = {joint.name: joint for joint in robot.joints}
     for name in names:
-        if name not in have:
-            near = did_you_mean(likely_name(name, have))
-            raise UsageError(
-                f"--joints {name}: {robot.path} has no such joint{near or ': ' + ', '.join(have)}"
-            )
+        if name not in by_name:
+            near = did_you_mean(likely_name(name, by_name)) or f": {', '.join(by_name)}"
+            raise UsageError(f"--joints {name}: {robot.path} has no such joint{near}")
+    return [by_name[name] for name in names]

@@ -51,13 +51,11 @@ def chassis(task: Task) -> Iterator[Hole]:
 
 def sent_frames(task: Task) -> dict[str, Edge]:
     """Return the transforms that are sent where a request would send its own, by their frames."""
-    wanted = {hole.name: hole.value for hole in namespace_holes(task)}
+    values = {hole.name: hole.value for hole in (*namespace_holes(task), *domain_holes(task))}
     usual = task.recipe.usual
     topic = usual.get("tf_topic") or usual.get("topic", "")
     own = [value for _, value in namespaces_above(task.path, task.stage)]
-    space = wanted["tf_namespace"] or next(iter(own), "")
-    name = ros_name(space, topic)
-    values = {hole.name: hole.value for hole in domain_holes(task)}
+    name = ros_name(values["tf_namespace"] or next(iter(own), ""), topic)
     domain = Domain(str(values["domain"] or 0), values["domain_by_environment"] is not False)
     return {
         edge.child: edge
@@ -94,9 +92,5 @@ def frames(task: Task) -> Iterator[Hole]:
             )
     shown = ", ".join(frame_of_prim(target, stage) for target in targets)
     yield Hole("targets", targets, "frames", shown, source, "--targets")
-    why = (
-        "given"
-        if options.parent
-        else (f"the base of {robot.path}" if parent and robot else "no prim")
-    )
-    yield Hole("parent", parent, "parent", top, why, "--parent")
+    why = f"the base of {robot.path}" if parent and robot else "no prim"
+    yield Hole("parent", parent, "parent", top, "given" if options.parent else why, "--parent")

@@ -8,11 +8,7 @@ from typing import Any
 from msgspec import Struct
 
 from lab3_usd.author import frame_holes, joint_holes, ros_holes, sensor_holes, wheel_holes
-from lab3_usd.author.choosing import (
-    WHEELED,
-    choose_robot,
-    choose_sensor,
-)
+from lab3_usd.author.choosing import WHEELED, choose_robot, choose_sensor
 from lab3_usd.author.request import Options
 from lab3_usd.author.task import Hole, Task, leaf
 from lab3_usd.errors import GraphError, UsageError
@@ -39,19 +35,14 @@ def subjects(
     if "robot" in recipe.needs:
         is_rolling = bool({WHEELED, "steering", "rollers"} & {*recipe.needs})
         return choose_robot(stage, options, WHEELED if is_rolling else ""), None
-    if "frames" in recipe.needs and options.targets is None and options.node is None:
-        return choose_robot(stage, options), None
-    if "frames" in recipe.needs and options.robot is not None:
+    is_of_links = options.targets is None and options.node is None
+    if "frames" in recipe.needs and (is_of_links or options.robot is not None):
         return choose_robot(stage, options), None
     return None, None
 
 
-def fill(task: Task) -> list[Hole]:
-    """Return what fills the holes of a recipe.
-
-    Raises:
-        UsageError: a fact is missing or several answers fit.
-    """
+def _filled(task: Task) -> list[Hole]:
+    """Return what fills the holes of a recipe."""
     holes = [Hole(name, value) for name, value in task.recipe.usual.items()]
     if task.robot is not None and "sensor" not in task.recipe.needs:
         robot, source = task.robot, f"root: {leaf(task.robot.root)}"
@@ -70,16 +61,15 @@ def fill(task: Task) -> list[Hole]:
 
 
 class Plan(Struct, frozen=True):
-    """A recipe with its holes filled: the graph, the roles that may be shared, and the facts."""
+    """A recipe with its holes filled: the graph, the roles that may be shared, and the facts.
+
+    `values` are what fills the holes, by name.
+    """
 
     graph: Graph
     shared: frozenset[str]
     holes: tuple[Hole, ...]
-
-    @property
-    def values(self) -> dict[str, Any]:
-        """What fills the holes, by name."""
-        return {hole.name: hole.value for hole in self.holes}
+    values: dict[str, Any]
 
 
 def planned(task: Task) -> Plan:
@@ -89,21 +79,21 @@ def planned(task: Task) -> Plan:
         UsageError: a fact is missing, several answers fit, or the release lacks something.
     """
     platform, recipe = task.stage.platform, task.recipe
-    holes = tuple(fill(task))
+    holes = tuple(_filled(task))
     values = {hole.name: hole.value for hole in holes}
     try:
         graph, shared = filled(recipe, task.path, values, platform)
     except GraphError as error:
         what = f"{recipe.kind} for Isaac Sim {platform.release}"
         raise UsageError(f"{what}: {error}") from error
-    return Plan(graph, shared, holes)
+    return Plan(graph, shared, holes, values)
 
 
 _FILLERS: Mapping[str, Callable[[Task], Iterator[Hole]]] = {
     "ros": ros_holes.ros,
     "time": ros_holes.time,
     "robot": lambda _task: iter(()),
-    "wheels": wheel_holes.wheels_and_keys,
+    "wheels": wheel_holes.wheels,
     "steering": wheel_holes.steering,
     "rollers": wheel_holes.rollers,
     "chassis": frame_holes.chassis,

@@ -51,10 +51,7 @@ def velocities(task: Task) -> Iterator[Hole]:
 def _joint_values(task: Task, command: JointCommand) -> Iterator[Hole]:
     robot, names, values = robot_of_task(task), task.options.joints, task.options.positions
     if names is not None:
-        choose_joints(robot, names, (joint.name for joint in robot.joints))
-        by_name = {joint.name: joint for joint in robot.joints}
-        joints = [by_name[name] for name in names]
-        source = "given"
+        joints, source = choose_joints(robot, names), "given"
     else:
         joints = [joint for joint in robot.arm_joints if not is_mimic(joint)]
         source = "joints with a drive that turn no wheel"
@@ -78,9 +75,8 @@ def _joint_values(task: Task, command: JointCommand) -> Iterator[Hole]:
     measures = {"radians" if joint.is_angular else "units of length" for joint in joints}
     unit = " and ".join(sorted(measures)) + (" a second" if command == "velocity" else "")
     why = "given" if task.options.positions is not None else f"targets of the drives, in {unit}"
-    yield Hole(
-        "commands_of_joints", tuple(map(float, values)), f"{command}", text, why, "--positions"
-    )
+    numbers = tuple(map(float, values))
+    yield Hole("commands_of_joints", numbers, command, text, why, "--positions")
 
 
 def gripper(task: Task) -> Iterator[Hole]:
@@ -91,9 +87,7 @@ def gripper(task: Task) -> Iterator[Hole]:
         present_prim(path, stage, "--gripper")
     names = options.joints
     if names is not None:
-        choose_joints(robot, names, (joint.name for joint in robot.joints))
-        by_name = {joint.name: joint for joint in robot.joints}
-        joints, source = [by_name[name] for name in names], "given"
+        joints, source = choose_joints(robot, names), "given"
     else:
         joints = _finger_joints(robot, path, stage)
         source = "prismatic joints that end the arm" if path is None else f"fingers of {path}"
@@ -106,14 +100,8 @@ def gripper(task: Task) -> Iterator[Hole]:
         if len(holders) != 1:
             raise AmbiguousError("gripper", holders, "--gripper")
         path = holders[0]
-    yield Hole(
-        "gripper",
-        path,
-        "gripper",
-        path,
-        "given" if options.gripper else "carries the fingers",
-        "--gripper",
-    )
+    why = "given" if options.gripper else "carries the fingers"
+    yield Hole("gripper", path, "gripper", path, why, "--gripper")
     shown = ", ".join(joint.name for joint in joints)
     yield Hole("joint_names", tuple(j.name for j in joints), "joints", shown, source, "--joints")
     limits = {(joint.low, joint.high) for joint in joints}

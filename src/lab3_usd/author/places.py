@@ -6,6 +6,7 @@ from collections.abc import Callable, Iterator
 
 from lab3_usd.author.request import Request
 from lab3_usd.errors import GraphError, UsageError
+from lab3_usd.facts.planned_graphs import graph_at
 from lab3_usd.isaac.graph import checked_path
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.model.prims import upwards
@@ -36,18 +37,11 @@ def new_path(
         refuse_place(asked, stage)
         if is_taken(asked):
             prim = stage.prim(asked)
-            kind = (
-                "graph"
-                if any(g.path == asked for g in stage.graphs)
-                else (prim.type if prim else "")
-            )
-            raise UsageError(
-                f"--graph {asked} is taken: {'a ' + kind if kind else 'a prim'} is there; "
-                "choose another path" + (", or --into to extend it" if kind == "graph" else "")
-            )
+            kind = (prim.type if prim else "") or "prim"
+            raise UsageError(f"--graph {asked} is taken: a {kind} is there; choose another path")
         return asked
     top = stage.default_prim
-    if not top or stage.instance_above(top) or _graph_at(top, stage):
+    if not top or stage.instance_above(top) or graph_at(top, stage):
         top = ""
     names = _names(recipe.graph, subject.rpartition("/")[2])
     path = next(p for p in (f"{top}/{_PARENT}/{name}" for name in names) if not is_taken(p))
@@ -76,15 +70,11 @@ def refuse_place(path: str, stage: StageModel) -> None:
             "choose a path outside with --graph"
         )
     for above in upwards(parent):
-        if _graph_at(above, stage):
+        if graph_at(above, stage):
             raise UsageError(f"{path} is in the graph {above}: extend that one with --into {above}")
         prim = stage.prims.get(above)
         if prim is not None and not prim.active:
             raise UsageError(f"{path} is below {above}, which is deactivated")
-
-
-def _graph_at(path: str, stage: StageModel) -> bool:
-    return any(graph.path == path for graph in stage.graphs)
 
 
 def graph_to_extend(path: str, stage: StageModel) -> GraphModel:
@@ -93,7 +83,7 @@ def graph_to_extend(path: str, stage: StageModel) -> GraphModel:
     Raises:
         UsageError: there is none at the path, or nothing in it is run by signals.
     """
-    target = next((graph for graph in stage.graphs if graph.path == path), None)
+    target = graph_at(path, stage)
     if target is None:
         paths = ", ".join(graph.path for graph in stage.graphs) or "none"
         raise UsageError(f"--into {path}: there is no graph; the stage has {paths}")

@@ -3,17 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from contextlib import closing
 from pathlib import Path
 
 from msgspec import Struct
 
-from lab3_usd.author.editing import Editing
+from lab3_usd.author.editing import Editing, new_since
 from lab3_usd.author.holes import planned, subjects
 from lab3_usd.author.request import Request, recipe_of
 from lab3_usd.author.task import Task
 from lab3_usd.errors import AmbiguousError, UsageError
 from lab3_usd.facts.endpoints import endpoints
-from lab3_usd.facts.planned_graphs import likeness
+from lab3_usd.facts.planned_graphs import graph_at, likeness, names_any
 from lab3_usd.facts.robots import robots
 from lab3_usd.files import FileState
 from lab3_usd.isaac.node_types import NodeType
@@ -24,9 +25,7 @@ from lab3_usd.model.finding import Finding
 from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.model.stage import GraphModel, Node, StageModel
 from lab3_usd.stage.edit.added import added_prims, is_bare, is_in_root_alone, is_over
-from lab3_usd.stage.edit.session import open_for_edits
 from lab3_usd.stage.read.opening import quiet
-from lab3_usd.stage.read.properties import release_start_values
 
 
 class Removed(Struct, frozen=True):
@@ -62,26 +61,14 @@ def remove_graph(path: Path, request: Request, release: str) -> Removed:
         UsageError: there is none, or it stands in another layer.
         StageError: the stage cannot be opened or edited.
     """
-    stage, state = open_for_edits(path)
-    editing = Editing.begin(path, stage, release)
-    try:
+    with closing(Editing.begin(path, release)) as editing:
         before = editing.findings()
         chosen = _chosen(request, editing)
         prims = _prims(chosen, editing)
         editing.edit([DropPrim(prim) for prim in prims])
-        after = editing.findings()
-        data = editing.new_root(state)
-    finally:
-        release_start_values(stage)
-        editing.session.close()
-    earlier = {(f.rule, f.identity or f.prim, f.property) for f in before}
-    new = tuple(
-        finding
-        for finding in after
-        if finding.severity != "note"
-        and (finding.rule, finding.identity or finding.prim, finding.property) not in earlier
-    )
-    return Removed(path, chosen.graph, chosen.is_foreign, prims, new, state, data)
+        new = tuple(new_since(before, editing.findings()))
+        data = editing.new_root()
+    return Removed(path, chosen.graph, chosen.is_foreign, prims, new, editing.state, data)
 
 
 def _chosen(request: Request, editing: Editing) -> Candidate:
@@ -151,16 +138,19 @@ def _tells(kind: NodeType) -> bool:
 
 
 def _nodes(candidate: Candidate, model: StageModel) -> list[Node]:
-    graph = next(each for each in model.graphs if each.path == candidate.graph)
-    return [n for n in graph.nodes if not candidate.nodes or n.path in candidate.nodes]
+    graph = graph_at(candidate.graph, model)
+    nodes = () if graph is None else graph.nodes
+    return [n for n in nodes if not candidate.nodes or n.path in candidate.nodes]
 
 
 def _names(candidate: Candidate, tops: Collection[str], model: StageModel) -> bool:
     """Whether a graph names one of these prims, or a prim below one."""
-    states = [state for node in _nodes(candidate, model) for state in node.ports.values()]
-    texts = (state.value for state in states if isinstance(state.value, str))
-    named = [*(path for state in states for path in state.targets), *texts]
-    return any(is_at_or_below(path, top) for path in named for top in tops)
+    nodes = _nodes(candidate, model)
+    values = (state.value for node in nodes for state in node.ports.values())
+    texts = (value for value in values if isinstance(value, str))
+    return names_any(nodes, tops) or any(
+        is_at_or_below(text, top) for text in texts for top in tops
+    )
 
 
 def _is_about(candidate: Candidate, request: Request, model: StageModel) -> bool:
@@ -180,7 +170,9 @@ def _is_about(candidate: Candidate, request: Request, model: StageModel) -> bool
 def _is_asked(candidate: Candidate, request: Request, model: StageModel) -> bool:
     """Whether a graph has what the request would add."""
     recipe = recipe_of(request.kind, model.platform.recipes)
-    graph = next(each for each in model.graphs if each.path == candidate.graph)
+    graph = graph_at(candidate.graph, model)
+    if graph is None:
+        return False
     try:
         subject = subjects(model, recipe, request.options)
         task = Task(model, recipe, request.options, candidate.graph, *subject, force=True)

@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from contextlib import contextmanager
 from pathlib import Path
 from typing import Any
 
-import msgspec
 from msgspec import Struct
 from msgspec.structs import fields
 
@@ -123,24 +122,24 @@ def recipe_of(kind: str, recipes: Mapping[str, Recipe]) -> Recipe:
     return recipe
 
 
-def options_of(values: Mapping[str, Any], where: str) -> Options:
+def options_of(
+    values: Mapping[str, Any], kind: str, known: Collection[str] = Options.__struct_fields__
+) -> Options:
     """Return options out of plain values, by the names of fields or of the command line.
 
     Raises:
-        UsageError: one is unknown, or has another type.
+        UsageError: one is not known, or has another type.
     """
     named = {name.replace("_", "-"): value for name, value in values.items() if value is not None}
-    names = [field.encode_name for field in fields(Options)]
+    names = [name.replace("_", "-") for name in known]
     for name in named:
         if name not in names:
-            near = did_you_mean(likely_name(name, names))
-            raise UsageError(
-                f"{where}: '{name}' is not an option{near}; known are {', '.join(names)}"
-            )
+            near, listed = did_you_mean(likely_name(name, names)), ", ".join(names)
+            raise UsageError(f"'{name}' is not an option of {kind}{near}; known are {listed}")
     try:
-        return msgspec.convert(named, Options)
-    except msgspec.ValidationError as error:
-        raise UsageError(f"{where}: {error}") from error
+        return as_record(named, Options, kind)
+    except SpecError as error:
+        raise UsageError(str(error)) from error
 
 
 def requests_of_file(path: Path, recipes: Mapping[str, Recipe]) -> list[Request]:
@@ -172,7 +171,7 @@ def _request(
         recipe = recipe_of(kind, recipes)
     for key, value in (values or {}).items():
         with _at(path, "add", number, kind, key):
-            options |= _option(key, value, recipe).given()
+            options |= options_of({key: value}, kind, sorted(taken_options(recipe))).given()
     request = Request(kind, Options(**options))
     with _at(path, "add", number):
         checked(request, recipes)
@@ -184,15 +183,5 @@ def _at(path: Path, *keys: str | int) -> Iterator[None]:
     """Name the file and the line of what is refused."""
     try:
         yield
-    except (UsageError, SpecError) as error:
+    except UsageError as error:
         raise UsageError(f"{path.name}: line {line_of(path, keys)}: {error}") from error
-
-
-def _option(key: str, value: Any, recipe: Recipe) -> Options:
-    """Return one option of a file."""
-    name = key.replace("_", "-")
-    names = sorted(taken.replace("_", "-") for taken in taken_options(recipe))
-    if name not in names:
-        near, listed = did_you_mean(likely_name(name, names)), ", ".join(names)
-        raise UsageError(f"'{key}' is not an option of {recipe.kind}{near}; known are {listed}")
-    return as_record({name: value}, Options, recipe.kind)

@@ -4,8 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator
 
-from msgspec import Struct
-
 from lab3_usd.facts.articulations import commands, named_joints
 from lab3_usd.facts.domains import may_meet
 from lab3_usd.facts.endpoints import endpoints
@@ -14,22 +12,8 @@ from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.stage import StageModel
 
 
-class Rival(Struct, frozen=True):
-    """A node that does already what a new one would: what, in words, and its path."""
-
-    what: str
-    path: str
-    new: str
-
-
-def rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
-    """Yield who does already what the new nodes of a stage do, each by its path."""
-    yield from _topic_rivals(new, stage)
-    yield from _frame_rivals(new, stage)
-    yield from _joint_rivals(new, stage)
-
-
-def _topic_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
+def rivals(new: Collection[str], stage: StageModel) -> Iterator[tuple[str, str]]:
+    """Yield the paths of nodes that do already what the new nodes of a stage do, and what."""
     sent = [end for end in endpoints(stage) if end.direction == "publishes" and end.topic]
     for own in sent:
         if own.node.path not in new or own.type == TRANSFORMS:
@@ -37,25 +21,20 @@ def _topic_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
         for other in sent:
             is_other = other.node.path not in new and other.topic == own.topic and other.runs
             if is_other and may_meet(own.domain, other.domain):
-                yield Rival(f"publishes {own.topic} already", other.node.path, own.node.path)
-
-
-def _frame_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
+                yield other.node.path, f"publishes {own.topic} already"
     edges = all_edges(stage)
-    for own in edges:
-        if own.publisher not in new:
+    for edge in edges:
+        if edge.publisher not in new:
             continue
-        for other in edges:
-            is_other = other.publisher not in new and other.topic == own.topic
-            if is_other and other.child == own.child and may_meet(own.domain, other.domain):
-                yield Rival(
-                    f"sends the frame {own.child} already, below {other.parent}",
-                    other.publisher,
-                    own.publisher,
-                )
+        for there in edges:
+            is_other = there.publisher not in new and there.topic == edge.topic
+            if is_other and there.child == edge.child and may_meet(edge.domain, there.domain):
+                text = f"sends the frame {edge.child} already, below {there.parent}"
+                yield there.publisher, text
+    yield from _joint_rivals(new, stage)
 
 
-def _joint_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
+def _joint_rivals(new: Collection[str], stage: StageModel) -> Iterator[tuple[str, str]]:
     named = [(command, named_joints(command, stage)) for command in commands(stage)]
     for own, names in named:
         if own.node.path not in new or not names:
@@ -65,4 +44,4 @@ def _joint_rivals(new: Collection[str], stage: StageModel) -> Iterator[Rival]:
                 continue
             shared = [name for name in names if name in joint_names]
             if shared:
-                yield Rival(f"commands {', '.join(shared)} already", other.node.path, own.node.path)
+                yield other.node.path, f"commands {', '.join(shared)} already"

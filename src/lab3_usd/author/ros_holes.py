@@ -53,15 +53,12 @@ def domain_holes(task: Task) -> Iterator[Hole]:
         return
     by_domain = domains(task.stage)
     if not by_domain:
-        yield Hole(
-            "domain", None, "domain", "ROS_DOMAIN_ID, else 0", "as Isaac Sim's default", "--domain"
-        )
+        source = "as Isaac Sim's default"
+        yield Hole("domain", None, "domain", "ROS_DOMAIN_ID, else 0", source, "--domain")
         yield Hole("domain_by_environment", None)
         return
-    clocks = list(
-        dict.fromkeys(stamp.domain for stamp in topic_clocks(task.stage) if stamp.is_clock)
-    )
-    choices = clocks if len(clocks) == 1 else list(by_domain)
+    clocks = {stamp.domain for stamp in topic_clocks(task.stage) if stamp.is_clock}
+    choices = [*clocks] if len(clocks) == 1 else [*by_domain]
     if len(choices) > 1:
         names = [f"{domain} ({nodes[0].path})" for domain, nodes in by_domain.items()]
         raise AmbiguousError("ROS domain", names, "--domain")
@@ -103,14 +100,8 @@ def time(task: Task) -> Iterator[Hole]:
     restarting = {
         stamp.restarts for stamp in topic_clocks(task.stage) if stamp.restarts is not None
     }
-    restarts = next(iter(restarting)) if len(restarting) == 1 else True
-    if restarting and not restarts:
-        yield Hole(
-            "restart",
-            value=False,
-            label="time",
-            shown="goes on after Stop",
-            source="as the stage's other stamps",
-        )
+    if restarting == {False}:
+        source = "as the stage's other stamps"
+        yield Hole("restart", value=False, label="time", shown="goes on after Stop", source=source)
     else:
-        yield Hole("restart", restarts)
+        yield Hole("restart", value=True)

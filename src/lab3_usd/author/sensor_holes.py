@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
 
-from lab3_usd.author.choosing import (
-    stopping_fault,
-)
+from lab3_usd.author.choosing import stopping_fault
 from lab3_usd.author.ros_holes import checked_topic
 from lab3_usd.author.task import Hole, Task
 from lab3_usd.errors import UsageError
@@ -86,15 +84,10 @@ def outputs(task: Task) -> Iterator[Hole]:
             yield Hole(f"labels of {name}", labels, "labels", labels, f"beside {topic}")
     yield Hole("outputs", items)
     if "info_topic" in recipe.usual:
-        info = next((topics[name] for name in _INFO if name in topics), recipe.usual["info_topic"])
-        yield Hole(
-            "info_topic",
-            info,
-            "camera_info",
-            info,
-            "usual name" if info == recipe.usual["info_topic"] else "given",
-            "--topic",
-        )
+        usual_name = recipe.usual["info_topic"]
+        info = next((topics[name] for name in _INFO if name in topics), usual_name)
+        source = "usual name" if info == usual_name else "given"
+        yield Hole("info_topic", info, "camera_info", info, source, "--topic")
 
 
 _INFO = ("camera_info", "info")
@@ -127,9 +120,8 @@ def size(task: Task) -> Iterator[Hole]:
         yield Hole(name, value)
     width, height = task.options.width, task.options.height
     if width or height:
-        yield Hole(
-            "size", None, "size", f"{width or 'usual'} x {height or 'usual'}", "given", "--width"
-        )
+        shown = f"{width or 'usual'} x {height or 'usual'}"
+        yield Hole("size", None, "size", shown, "given", "--width")
 
 
 def metadata(task: Task) -> Iterator[Hole]:
@@ -171,7 +163,6 @@ def message(task: Task) -> Iterator[Hole]:
     if not name:
         raise UsageError(f"--kind {task.options.kind}: known are {', '.join(outputs)}")
     message = outputs[name]["message"]
-    yield Hole(
-        "message", message, "message", message, "given" if task.options.kind else "usual", "--kind"
-    )
+    source = "given" if task.options.kind else "usual"
+    yield Hole("message", message, "message", message, source, "--kind")
     yield Hole(name, value=True)

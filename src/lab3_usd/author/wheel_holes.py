@@ -6,9 +6,7 @@ import math
 from collections.abc import Iterator, Sequence
 from typing import Any
 
-from lab3_usd.author.choosing import (
-    choose_joints,
-)
+from lab3_usd.author.choosing import choose_joints, refuse_missing
 from lab3_usd.author.task import Hole, Task, leaf, robot_of_task
 from lab3_usd.errors import UsageError
 from lab3_usd.facts.robots import Robot, RobotJoint, Wheel, wheel_pairs
@@ -21,7 +19,8 @@ _PARALLEL = 0.95  # cosine between axles that count as parallel
 _PAIR = 2
 
 
-def _wheels(task: Task) -> Iterator[Hole]:
+def wheels(task: Task) -> Iterator[Hole]:
+    """Yield the wheels left and right with their sizes, and whether keys drive them."""
     robot, options = robot_of_task(task), task.options
     groups = _wheel_groups(task)
     wheels = [wheel for pair in groups for wheel in pair if wheel is not None]
@@ -46,6 +45,7 @@ def _wheels(task: Task) -> Iterator[Hole]:
         yield Hole("pairs", items, "wheels", ", ".join(map(str, numbers)), "given", "--indices")
     yield _radius_hole("radius", wheels, robot, options.radius)
     yield _distance_hole(groups, robot, options.distance)
+    yield Hole("keyboard", bool(options.keyboard))
 
 
 _Pair = tuple[Wheel | None, Wheel | None]
@@ -55,7 +55,7 @@ def _wheel_groups(task: Task) -> list[_Pair]:
     """Return the wheels in pairs of left and right; None for a joint that turns no wheel."""
     robot, names = robot_of_task(task), task.options.joints
     if names is not None:
-        choose_joints(robot, names, (joint.name for joint in robot.joints))
+        choose_joints(robot, names)
         if not names or len(names) % _PAIR:
             raise UsageError("--joints: name left and right joints in turn: LEFT,RIGHT")
         by_name = {wheel.joint.name: wheel for wheel in robot.wheels}
@@ -65,7 +65,7 @@ def _wheel_groups(task: Task) -> list[_Pair]:
     if not wheels:
         if task.options.indices is not None:
             return []
-        _refuse_unknown_wheels(task, robot)
+        refuse_missing(task.stage.unknown_below(robot.path), f"wheels of {robot.path}")
         raise UsageError(
             f"{robot.path} has no wheels: no unlimited revolute joint turns a link with a collider "
             "about a level axle; name the joints with --joints LEFT,RIGHT"
@@ -106,21 +106,31 @@ def refuse_stuck(task: Task, joints: Sequence[RobotJoint], command: JointCommand
             )
 
 
+def _given_size(option: str, size: float, name: str, label: str) -> Hole:
+    """Return the size that an option gives.
+
+    Raises:
+        UsageError: it is none.
+    """
+    if not size > 0 or not math.isfinite(size):
+        raise UsageError(f"--{option} {size:g}: is not a {option} in metres")
+    return Hole(name, float(size), label, f"{size:g} m", "given", f"--{option}")
+
+
 def _radius_hole(
     name: str, wheels: Sequence[Wheel], robot: Robot, given: float | None, label: str = "radius"
 ) -> Hole:
     if given is not None:
-        if not given > 0 or not math.isfinite(given):
-            raise UsageError(f"--radius {given:g}: is not a radius in metres")
-        return Hole(name, float(given), label, f"{given:g} m", "given", "--radius")
+        return _given_size("radius", given, name, label)
     if not wheels:
         raise UsageError(f"no wheel of {robot.path} is known by these joints: give --radius")
+    sizes = []
     for wheel in wheels:
         if wheel.radius is None:
             raise UsageError(
                 f"{wheel.joint.link} has no round collider ({wheel.shape}): give --radius"
             )
-    sizes = [wheel.radius or 0.0 for wheel in wheels]
+        sizes.append(wheel.radius)
     if max(sizes) - min(sizes) > _ALIKE * max(sizes):
         listed = ", ".join(
             f"{leaf(w.joint.link)} {size:.4g} m" for w, size in zip(wheels, sizes, strict=True)
@@ -135,9 +145,7 @@ def _radius_hole(
 
 def _distance_hole(groups: Sequence[_Pair], robot: Robot, given: float | None) -> Hole:
     if given is not None:
-        if not given > 0 or not math.isfinite(given):
-            raise UsageError(f"--distance {given:g}: is not a distance in metres")
-        return Hole("distance", float(given), "distance", f"{given:g} m", "given", "--distance")
+        return _given_size("distance", given, "distance", "distance")
     distances = [abs(a.place[1] - b.place[1]) for a, b in groups if a is not None and b is not None]
     if not distances or len(distances) < len(groups):
         raise UsageError(f"no wheel of {robot.path} is known by these joints: give --distance")
@@ -150,19 +158,6 @@ def _distance_hole(groups: Sequence[_Pair], robot: Robot, given: float | None) -
     )
 
 
-def _refuse_unknown_wheels(task: Task, robot: Robot) -> None:
-    """Refuse to count the wheels of a robot where an asset that is missing could hold some.
-
-    Raises:
-        UsageError: one could.
-    """
-    missing = task.stage.unknown_below(robot.path)
-    if missing is not None:
-        raise UsageError(
-            f"{missing.asset} cannot be found, which could hold wheels of {robot.path}"
-        )
-
-
 def steering(task: Task) -> Iterator[Hole]:
     """Yield the joints and sizes of a car."""
     robot = robot_of_task(task)
@@ -170,7 +165,7 @@ def steering(task: Task) -> Iterator[Hole]:
     fixed = [wheel for wheel in robot.wheels if wheel.steering is None]
     turning, rolling = wheel_pairs(steered), wheel_pairs(fixed)
     if len(turning) != 1 or len(rolling) != 1 or len(steered) + len(fixed) != 2 * _PAIR:
-        _refuse_unknown_wheels(task, robot)
+        refuse_missing(task.stage.unknown_below(robot.path), f"wheels of {robot.path}")
         raise UsageError(
             f"{robot.path} is not a car: it has {len(steered)} steered and {len(fixed)} other "
             "wheels, expected two of each, left and right"
@@ -212,7 +207,7 @@ def rollers(task: Task) -> Iterator[Hole]:
     robot, mark = robot_of_task(task), task.recipe.joint_mark
     marked = [joint for joint in robot.joints if mark in joint.prim.attributes]
     if not marked:
-        _refuse_unknown_wheels(task, robot)
+        refuse_missing(task.stage.unknown_below(robot.path), f"wheels of {robot.path}")
         raise UsageError(
             f"{robot.path} has no wheels with rollers: no joint has {mark}; apply the Mecanum "
             "Wheel API to the joints of its wheels"
@@ -223,9 +218,3 @@ def rollers(task: Task) -> Iterator[Hole]:
     refuse_stuck(task, marked, "velocity")
     names = tuple(joint.name for joint in marked)
     yield Hole("wheel_joints", names, "wheels", ", ".join(names), f"joints with {mark}")
-
-
-def wheels_and_keys(task: Task) -> Iterator[Hole]:
-    """Yield the wheels left and right with their sizes, and whether keys drive them."""
-    yield from _wheels(task)
-    yield Hole("keyboard", bool(task.options.keyboard))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -15,6 +15,7 @@ from lab3_usd.isaac.graph import Node as Planned
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.stage import GraphModel, Node, StageModel, same_value
 
 
@@ -156,13 +157,14 @@ def extension(graph: Graph, shared: frozenset[str], own: Likeness, model: StageM
         for role, node in own.node_of.items()
         if role in shared and _serves(role, graph, own, model)
     }
-    held = next(held for held in model.graphs if held.path == own.path)
+    held = graph_at(own.path, model)
+    assert held is not None  # noqa: S101 - whose likeness this is
     taken = {node.name for node in held.nodes}
     taken |= {prim.path.rpartition("/")[2] for prim in held.absent}
     renamed = dict(names)
     for role in graph.nodes:
         if role not in names:
-            renamed[role] = _free(role, {*taken, *renamed.values()})
+            renamed[role] = free_name(role, {*taken, *renamed.values()})
     nodes = {
         renamed[role]: replace(node, role=renamed[role])
         for role, node in graph.nodes.items()
@@ -208,7 +210,19 @@ def _upstream(role: str, graph: Graph) -> Graph:
     return Graph(graph.path, nodes, wires)
 
 
-def _free(name: str, taken: set[str]) -> str:
+def graph_at(path: str, stage: StageModel) -> GraphModel | None:
+    """Return the graph at a path, None without one."""
+    return next((graph for graph in stage.graphs if graph.path == path), None)
+
+
+def names_any(nodes: Iterable[Node], tops: Collection[str]) -> bool:
+    """Whether a target of nodes is one of these prims, or below one."""
+    named = {target for n in nodes for state in n.ports.values() for target in state.targets}
+    return any(is_at_or_below(target, top) for target in named for top in tops)
+
+
+def free_name(name: str, taken: Collection[str]) -> str:
+    """Return a name that is not taken: this one, or this one with a number."""
     number = 1
     free = name
     while free in taken:

@@ -14,8 +14,8 @@ from lab3_usd.commands.shared.options import (
     Option,
     all_of,
     assets_option,
-    complete_releases,
     given_words,
+    isaac_option,
     made_of,
     text_or_json,
 )
@@ -160,13 +160,7 @@ class EditOptions(Struct, frozen=True):
 
 edit_options: Option = all_of(
     click.option("--force", is_flag=True, help="Write in spite of findings; replace any file."),
-    click.option(
-        "--isaac",
-        "release",
-        metavar="RELEASE",
-        shell_complete=complete_releases,
-        help="For this release of Isaac Sim.",
-    ),
+    isaac_option,
     text_or_json,
     assets_option,
 )

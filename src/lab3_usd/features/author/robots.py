@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from lab3_usd.commands.shared.configuration import use_config
-from lab3_usd.commands.shared.options import assets_option, complete_releases, text_or_json
+from lab3_usd.commands.shared.options import assets_option, isaac_option, text_or_json
 from lab3_usd.commands.shared.paths import Input
 
 if TYPE_CHECKING:
@@ -21,13 +21,7 @@ if TYPE_CHECKING:
 
 @click.command("robots")
 @click.argument("stage", type=Input(path_type=Path))
-@click.option(
-    "--isaac",
-    "release",
-    metavar="RELEASE",
-    shell_complete=complete_releases,
-    help="Read by this release of Isaac Sim.",
-)
+@isaac_option
 @text_or_json
 @assets_option
 def command(stage: Path, form: str, release: str | None, assets: tuple[str, ...]) -> None:
@@ -136,15 +130,14 @@ def _drive_words(joint: RobotJoint) -> str:
 def _graphs(robot: Robot, model: StageModel) -> dict[str, str]:
     """Return what each graph that names prims of a robot does, in words."""
     from lab3_usd.facts.endpoints import endpoints
-    from lab3_usd.model.prims import is_at_or_below
+    from lab3_usd.facts.planned_graphs import names_any
 
     own = {robot.path, robot.root, *robot.links} - {""}
     own |= {sensor.prim.path for sensor in robot.sensors}
     topics_of = {}
     ends = endpoints(model)
     for graph in model.graphs:
-        named = {t for node in graph.nodes for s in node.ports.values() for t in s.targets}
-        if not any(is_at_or_below(path, top) for path in named for top in own):
+        if not names_any(graph.nodes, own):
             continue
         paths = {node.path for node in graph.nodes}
         words = dict.fromkeys(
