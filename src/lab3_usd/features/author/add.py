@@ -146,16 +146,14 @@ def _add(
     if writing.diff:
         return print_diff(files, states)
     played = _played(added) if asked.check_drive else ()
-    is_refused = _is_refused(added, asked, played)
-    wants = writing.output or writing.in_place
-    written: Path | None = None
+    is_wanted = bool(writing.output or (writing.in_place and files))
     lines: list[str] = []
-    if wants and not is_refused and (files or writing.output):
+    if is_wanted and not _is_refused(added, asked, played):
         check = partial(check_added, added)
         lines += write_edited(
             stage, files, states, writing, force=asked.force, check=check, first_alone=True
         )
-        written = writing.output or stage
+    written = writing.output or stage if lines else None
     return _report(added, asked, played, written, lines, shown(stage))
 
 
@@ -177,23 +175,18 @@ def _add_layer(
 
     if target.suffix.lower() not in ENDINGS[:-1]:
         raise UsageError(f"--layer {target}: a layer ends in {', '.join(ENDINGS[:-1])}")
-    if target.exists():
-        if stage.resolve() not in [path.resolve() for path in sublayers(target)]:
-            raise UsageError(f"--layer {target}: is another file, and no layer over {stage}")
-        content: bytes | None = target.read_bytes()
-    else:
-        content = None
-    with copy_beside(target, content or layer_over(stage, target).encode(), ".usda") as layer:
+    is_there = target.exists()
+    if is_there and stage.resolve() not in [path.resolve() for path in sublayers(target)]:
+        raise UsageError(f"--layer {target}: is another file, and no layer over {stage}")
+    content = target.read_bytes() if is_there else layer_over(stage, target).encode()
+    with copy_beside(target, content, ".usda") as layer:
         added = add_graphs(layer, requests, settings)
-    lines: list[str] = []
     played = _played(added) if asked.check_drive else ()
-    is_refused = _is_refused(added, asked, played)
-    written = None
-    if not is_refused and added.data is not None:
-        write_whole(target, added.data, force=content is not None)
+    lines: list[str] = []
+    if added.data is not None and not _is_refused(added, asked, played):
+        write_whole(target, added.data, force=is_there)
         lines.append(f"written: {shown(target)}, over {shown(stage)}")
-        written = target
-    return _report(added, asked, played, written, lines, shown(target))
+    return _report(added, asked, played, target if lines else None, lines, shown(target))
 
 
 def _is_refused(added: Added, asked: AddingOptions, played: Sequence[Check]) -> bool:
@@ -213,18 +206,15 @@ def _report(
     is_refused = _is_refused(added, asked, played)
     if asked.form == "json":
         click.echo(_as_json(added, played, written))
-    else:
-        for line in _text(added, name, is_written=written is not None):
-            click.echo(line)
-        for line in _play_lines(played) if asked.check_drive else ():
-            click.echo(line)
-        for line in lines:
-            click.echo(line)
-        if is_refused:
-            why = "the new findings are" if added.new else "what the robot does not do is"
-            click.echo(f"nothing is written: {why} above; --force writes all the same")
-        elif added.data is not None and written is None:
-            click.echo(to_write())
+        return 1 if is_refused else 0
+    played_lines = _play_lines(played) if asked.check_drive else ()
+    for line in (*_text(added, name, is_written=written is not None), *played_lines, *lines):
+        click.echo(line)
+    if is_refused:
+        why = "the new findings are" if added.new else "what the robot does not do is"
+        click.echo(f"nothing is written: {why} above; --force writes all the same")
+    elif added.data is not None and written is None:
+        click.echo(to_write())
     return 1 if is_refused else 0
 
 
@@ -247,19 +237,12 @@ def _text(added: Added, name: str, *, is_written: bool) -> Iterator[str]:
 
 def _columns(rows: Sequence[tuple[str, str, str]]) -> tuple[int, int, int]:
     """Return how wide labels, values and sources are, without the longest of them."""
-    labels, values, sources = (
-        (
-            [len(text) for text in column if len(text) <= _WIDEST]
-            for column in zip(*rows, strict=True)
-        )
-        if rows
-        else ([], [], [])
-    )
-    return (
-        max([_LABEL, *(size + 2 for size in labels)]),
-        max(values, default=0),
-        max(sources, default=0),
-    )
+    widths = [
+        max((len(text) for text in column if len(text) <= _WIDEST), default=0)
+        for column in zip(*rows, strict=True)
+    ]
+    label, value, source = widths or (0, 0, 0)
+    return max(_LABEL, label + 2), value, source
 
 
 def _headline(addition: Addition, *, is_written: bool) -> str:
@@ -294,14 +277,12 @@ def _row(
 
 
 def _line(finding: Finding) -> str:
-    site = finding.prim + (f".{finding.property}" if finding.property else "")
-    return f"{finding.rule} {site}: {finding.message}"
+    from lab3_usd.report.entries import site
+
+    return f"{finding.rule} {site(finding)}: {finding.message}"
 
 
 def _as_json(added: Added, played: Sequence[Check], written: Path | None) -> str:
-    def finding(entry: Finding, how: str = "") -> dict[str, str]:
-        return finding_fields(entry) | ({"resolved_by": how} if how else {})
-
     document = {
         "stage": str(added.path),
         "written": None if written is None else str(written),
@@ -321,8 +302,8 @@ def _as_json(added: Added, played: Sequence[Check], written: Path | None) -> str
             }
             for addition in added.additions
         ],
-        "awaited": [finding(*entry) for entry in added.awaited],
-        "findings": [finding(entry) for entry in added.new],
+        "awaited": [finding_fields(each) | {"resolved_by": how} for each, how in added.awaited],
+        "findings": [*map(finding_fields, added.new)],
         "played": [
             {"name": check.name, "verdict": check.verdict, "text": check.text} for check in played
         ],

@@ -67,11 +67,10 @@ def command(
         states = {stage: removed.state}
         if writing.diff:
             sys.exit(print_diff(files, states))
-        errors = [finding for finding in removed.new if finding.severity == "error"]
-        is_refused = bool(errors) and not asked.force
+        is_worse = any(finding.severity == "error" for finding in removed.new)
+        is_refused = is_worse and not asked.force
         lines: list[str] = []
-        is_written = bool(files) and not is_refused and bool(writing.output or writing.in_place)
-        if is_written:
+        if files and not is_refused and (writing.output or writing.in_place):
             lines += write_edited(
                 stage, files, states, writing, force=asked.force, first_alone=True
             )
@@ -83,18 +82,16 @@ def command(
             "graph": removed.graph,
             "added_by_lab3": not removed.is_foreign,
             "removed": list(removed.prims),
-            "written": is_written,
+            "written": bool(lines),
             "findings": [*map(finding_fields, removed.new)],
         }
         click.echo(json.dumps(document, indent=2, ensure_ascii=False))
         sys.exit(1 if is_refused else 0)
-    for line in _text(removed, kind, shown(stage), is_written=bool(is_written)):
-        click.echo(line)
-    for line in lines:
+    for line in (*_text(removed, kind, shown(stage), is_written=bool(lines)), *lines):
         click.echo(line)
     if is_refused:
         click.echo("nothing is written: the new errors are above; --force writes all the same")
-    elif not is_written:
+    elif not lines:
         click.echo(to_write())
     sys.exit(1 if is_refused else 0)
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from functools import partial
 from pathlib import Path
 from typing import Any
@@ -24,8 +25,10 @@ from lab3_usd.errors import UsageError
 from lab3_usd.installation import command_line
 from lab3_usd.model.finding import Finding
 
-_LISTS = ("joints", "targets", "publish", "metadata")
-_NUMBERS = {"indices": int, "positions": float}
+_ITEMS: Mapping[str, type] = {
+    "joints": str, "targets": str, "publish": str, "metadata": str, "indices": int,
+    "positions": float,
+}  # fmt: skip
 _FLAGS = ("with_tf", "commands", "keyboard")
 
 
@@ -37,20 +40,17 @@ def request_of(**words: Any) -> Options:
     """
     values: dict[str, Any] = {}
     for name, value in words.items():
+        values[name] = value
         if name in _FLAGS:
-            values[name] = True if value else None
-        elif name in _LISTS and value is not None:
-            values[name] = _items(value)
-        elif name in _NUMBERS and value is not None:
+            values[name] = value or None
+        elif name in _ITEMS and value is not None:
             try:
-                values[name] = tuple(_NUMBERS[name](item) for item in _items(value))
+                values[name] = tuple(map(_ITEMS[name], _items(value)))
             except ValueError as error:
                 raise UsageError(f"--{name} {value}: expected numbers with commas") from error
-        else:
-            values[name] = value
     if values["topic"] is not None and "=" in values["topic"]:
         values["topic"] = _topics(values["topic"])
-    return options_of(values, "options")
+    return options_of(values, "the request")
 
 
 def _items(text: str) -> tuple[str, ...]:
@@ -68,14 +68,9 @@ def _topics(text: str) -> dict[str, str]:
 
 
 _SUBJECT = {
-    "--robot": "PRIM",
-    "--prim": "PRIM",
-    "--graph": "PATH",
-    "--into": "GRAPH",
-    "--topic": "NAME",
-    "--namespace": "NAME",
-    "--targets": "PRIMS",
-}
+    "--robot": "PRIM", "--prim": "PRIM", "--graph": "PATH", "--into": "GRAPH",
+    "--topic": "NAME", "--namespace": "NAME", "--targets": "PRIMS",
+}  # fmt: skip
 
 
 def _subject(*texts: str) -> Option:

@@ -110,11 +110,7 @@ def _wheel_words(wheel: Wheel) -> str:
 
 def _joint_words(joint: RobotJoint) -> str:
     unit = "degrees" if joint.is_angular else "units"
-    kind = (
-        "revolute"
-        if joint.is_angular
-        else joint.prim.type.removeprefix("Physics").removesuffix("Joint").lower()
-    )
+    kind = joint.prim.type.removeprefix("Physics").removesuffix("Joint").lower()
     way = "unlimited"
     if math.isfinite(joint.low) and math.isfinite(joint.high):
         way = f"{joint.low:g} to {joint.high:g} {unit}"
