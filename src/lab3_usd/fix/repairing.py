@@ -271,15 +271,13 @@ def _attempt(
                 repair = _repair_of(finding, options)
                 if repair and site_of(finding) not in left_out:
                     findings.setdefault(repair, finding)
-            repairs = list(findings)
-            moves, errors = _moves(repairs), errors_by_prim(after, repairs)
-            repairs = [
+            errors = errors_by_prim(after, findings)
+            repairs = compatible(
                 repair
-                for repair in repairs
+                for repair in findings
                 if not deletes_what_waits(repair, errors, session)
-                and not _restores_what_moves(repair, moves)
-            ]
-            repairs = compatible(repairs)
+                and not _restores_what_moves(repair, findings)
+            )
             make_edits(session, repairs)
             made.update((repair, findings[repair]) for repair in repairs if repair not in made)
             before_edits, after = after, findings_now() if repairs else after
@@ -352,22 +350,12 @@ def deletes_what_waits(
     )
 
 
-def _moves(repairs: Iterable[Repair]) -> list[tuple[str, Repair]]:
-    """Return the prims that repairs move, each with its repair."""
-    return [
-        (edit.prim, repair)
-        for repair in repairs
-        for edit in repair.edits
-        if isinstance(edit, MovePrim)
-    ]
-
-
-def _restores_what_moves(repair: Repair, moves: Iterable[tuple[str, Repair]]) -> bool:
+def _restores_what_moves(repair: Repair, repairs: Iterable[Repair]) -> bool:
     """Whether a repair restores a prim that another one moves: only there does the lab know it."""
     restored = [edit.prim for edit in repair.edits if isinstance(edit, Restore)]
-    return any(
-        is_at_or_below(path, prim) and other != repair for path in restored for prim, other in moves
-    )
+    others = (other for other in repairs if restored and other != repair)
+    moved = [e.prim for other in others for e in other.edits if isinstance(e, MovePrim)]
+    return any(is_at_or_below(path, prim) for path in restored for prim in moved)
 
 
 def make_edits(session: EditSession, repairs: Iterable[Repair]) -> None:

@@ -39,7 +39,11 @@ def fix_script(path: Path, release: str, options: FixOptions) -> Fixed:
     encoding, _ = tokenize.detect_encoding(BytesIO(state.content).readline)
     if encoding not in _UNICODE:
         raise StageError(f"{path}: is no UTF-8 text, and is not repaired")
-    before = _lint(path, settings)
+
+    def findings_of(file: Path) -> tuple[Finding, ...]:
+        return lint_script(file, settings).findings
+
+    before = findings_of(path)
     lines = lines_of(state.content.decode(encoding))
     left_out = {}
     wanted = [finding for finding in options.wanted(before) if finding.fix is not None]
@@ -48,16 +52,20 @@ def fix_script(path: Path, release: str, options: FixOptions) -> Fixed:
         if sum(_repair(lines, finding, *names) for names in ways) == 0:
             left_out[site_of(finding)] = _NOT_ONE
     data = "".join(lines).encode(encoding)
+    with tempfile.TemporaryDirectory() as folder:
+        repaired = Path(folder, path.name)
+        repaired.write_bytes(data)
+        after = findings_of(repaired)
     repairs = {f.fix: f for f in wanted if f.fix is not None and site_of(f) not in left_out}
     return Fixed(
         root=path,
         before=before,
-        after=_lint_data(data, path, settings),
+        after=after,
         repairs=repairs,
         files={path: data} if data != state.content else {},
         states={path: state},
         left_out=left_out,
-        judge_again=lambda file: _lint(file, settings),
+        judge_again=findings_of,
     )
 
 
@@ -69,24 +77,13 @@ def script_changes(finding: Finding, path: Path, release: str) -> tuple[TextChan
     """
     platform, before = lint_platform(release), lines_of(read_state(path).content.decode())
     after = before.copy()
-    for names in list(_names(finding, platform, before)):
+    for names in _names(finding, platform, before):
         _repair(after, finding, *names)
     return tuple(
-        TextChange(str(path), number, number + 1, after[number])
-        for number in range(len(before))
-        if before[number] != after[number]
+        TextChange(str(path), number, number + 1, new)
+        for number, (old, new) in enumerate(zip(before, after, strict=True))
+        if old != new
     )
-
-
-def _lint(path: Path, settings: ScriptSettings) -> tuple[Finding, ...]:
-    return lint_script(path, settings).findings
-
-
-def _lint_data(data: bytes, path: Path, settings: ScriptSettings) -> tuple[Finding, ...]:
-    with tempfile.TemporaryDirectory() as folder:
-        file = Path(folder, path.name)
-        file.write_bytes(data)
-        return _lint(file, settings)
 
 
 def _names(finding: Finding, platform: Platform, lines: Iterable[str]) -> Iterator[tuple[str, str]]:

@@ -32,6 +32,7 @@ from lab3_usd.stage.write.graphs import (
     author_node,
     catalog_value,
     define_parents,
+    take_out,
 )
 
 _CUSTOM = ("inputs:", "outputs:", VARIABLE)  # how the custom properties of OmniGraph begin
@@ -281,8 +282,7 @@ def remove_prim(session: EditSession, edit: RemovePrim) -> None:
     """Remove a prim from every layer that may be edited; what remains of it is deactivated."""
     for spec in [*session.specs(edit.prim)]:
         session.touch(spec.layer, edit.prim)
-        parent = spec.nameParent or spec.layer.pseudoRoot
-        del parent.nameChildren[spec.name]
+        take_out(spec)
     if session.stands(edit.prim):
         session.prim_spec(session.stage.GetRootLayer(), edit.prim).active = False
 
@@ -293,7 +293,7 @@ def drop_prim(session: EditSession, edit: DropPrim) -> None:
     spec = layer.GetPrimAtPath(edit.prim)
     if spec is not None:
         session.touch(layer, edit.prim)
-        del (spec.nameParent or layer.pseudoRoot).nameChildren[spec.name]
+        take_out(spec)
 
 
 def move_prim(session: EditSession, edit: MovePrim) -> None:
@@ -379,8 +379,7 @@ def _move(layer: Sdf.Layer, path: Sdf.Path, to: Sdf.Path) -> None:
     if spec is not None:
         Sdf.CreatePrimInLayer(layer, to.GetParentPath())
         Sdf.CopySpec(layer, path, layer, to)
-        parent = spec.nameParent or layer.pseudoRoot
-        del parent.nameChildren[spec.name]
+        take_out(spec)
 
     def moved_path(item: Sdf.Path) -> Sdf.Path:
         return item.ReplacePrefix(path, to)

@@ -20,6 +20,7 @@ from lab3_usd.model.prims import is_at_or_below, upwards
 from lab3_usd.spec.lab import STARTER, Checkpoint, Lab, articulated_at_roots
 from lab3_usd.stage.read.opening import check_file, open_stage
 from lab3_usd.stage.write.builder import checkpoint_layer, described_layer
+from lab3_usd.stage.write.graphs import take_out
 from lab3_usd.stage.write.starter import robots_articulated_at_root
 
 NEEDS_STARTER = "needs the starter: name it with --starter"
@@ -209,7 +210,7 @@ class EditedLayer(Struct, eq=False):
             for path in self.added:
                 spec = self.layer.GetPrimAtPath(path)
                 if spec is not None:
-                    del (spec.nameParent or self.layer.pseudoRoot).nameChildren[spec.name]
+                    take_out(spec)
 
 
 class Reference(Struct, eq=False):
@@ -344,9 +345,8 @@ class EditSession(Struct, eq=False):
 
     def _strongest(self, specs: list[Any], path: str) -> Sdf.Layer:
         allowed = self.layers()
-        for spec in specs[:1]:
-            if spec.layer in allowed and str(spec.path) == path:
-                return spec.layer
+        if specs and specs[0].layer in allowed and str(specs[0].path) == path:
+            return specs[0].layer
         return self.stage.GetRootLayer()
 
     def prim_spec(self, layer: Sdf.Layer, path: str) -> Sdf.PrimSpec:

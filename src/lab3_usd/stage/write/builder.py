@@ -9,7 +9,7 @@ from collections.abc import Iterator, Mapping, Sequence
 from pathlib import Path
 
 from msgspec import Struct
-from pxr import Sdf, Tf, Usd, UsdGeom, UsdPhysics, UsdUtils
+from pxr import Sdf, Tf, Usd, UsdUtils
 
 from lab3_usd.errors import Lab3Error, NoRoomError, StageError, UsageError, unwritten
 from lab3_usd.facts.frame_targets import NAME_OVERRIDE
@@ -23,10 +23,17 @@ from lab3_usd.spec.props import PropSpec
 from lab3_usd.spec.submission import example_of
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import open_stage, quiet
-from lab3_usd.stage.write.graphs import author_graph, author_pose, author_sensor, define_parents
+from lab3_usd.stage.write.graphs import (
+    author_graph,
+    author_pose,
+    author_sensor,
+    define_parents,
+    take_out,
+)
 from lab3_usd.stage.write.props import author_props
 from lab3_usd.stage.write.starter import (
     robots_articulated_at_root,
+    set_units,
     starter_layer,
     starter_problems,
 )
@@ -82,13 +89,9 @@ def checkpoint_layer(lab: Lab, starter: str | None, checkpoint: Checkpoint) -> S
         StarterError: the starter lacks what the lab needs, or holds it already.
         StageError: the starter cannot be opened.
     """
-    path = None if starter is None else Path(starter)
-    target = Path(f"{example_of(checkpoint.file, lab.team)}.usda")
-    stage = _open_starter(lab, path)
+    stage = _open_starter(lab, None if starter is None else Path(starter))
     lab = articulated_at_roots(lab, robots_articulated_at_root(lab, stage))
-    # The layer would grow on to later checkpoints.
-    _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
-    return layer
+    return _layer_of(lab, stage, checkpoint)
 
 
 @quiet()
@@ -98,20 +101,22 @@ def described_layer(lab: Lab, checkpoint: Checkpoint) -> Sdf.Layer:
     It has the sensors and graphs, and overs with the poses of robots and the masses of links.
     """
     stage = Usd.Stage.CreateInMemory()
-    units = lab.scene.stage
-    UsdGeom.SetStageUpAxis(stage, units.up_axis)
-    UsdGeom.SetStageMetersPerUnit(stage, units.meters_per_unit)
-    UsdPhysics.SetStageKilogramsPerUnit(stage, units.kilograms_per_unit)
+    set_units(stage, lab.scene.stage)
     for robot in lab.scene.robots:
         root = Sdf.CreatePrimInLayer(stage.GetRootLayer(), robot.path)
         if robot.pose is not None:
-            author_pose(root, robot.pose, units.meters_per_unit)
+            author_pose(root, robot.pose, lab.scene.stage.meters_per_unit)
         for name, link in robot.links.items():
             if link.mass is not None:
                 over = Sdf.CreatePrimInLayer(stage.GetRootLayer(), robot.path_of(name))
                 Sdf.AttributeSpec(over, MASS, Sdf.ValueTypeNames.Float).default = link.mass
-    target = Path(f"{example_of(checkpoint.file, lab.team)}.usda")
-    _, layer = next(_checkpoint_layers(lab, stage, {target: checkpoint}, BuildOptions()))
+    return _layer_of(lab, stage, checkpoint)
+
+
+def _layer_of(lab: Lab, stage: Usd.Stage, checkpoint: Checkpoint) -> Sdf.Layer:
+    """Return the layer of one checkpoint, which would grow on to later ones."""
+    plan = {Path(f"{example_of(checkpoint.file, lab.team)}.usda"): checkpoint}
+    _, layer = next(_checkpoint_layers(lab, stage, plan, BuildOptions()))
     return layer
 
 
@@ -208,7 +213,7 @@ def _checkpoint_layers(
                 define_parents(layer, stage, path)
                 former = layer.GetPrimAtPath(path)
                 if name not in checkpoint.new and former is not None:
-                    del former.nameParent.nameChildren[former.name]
+                    take_out(former)
                 author_graph(layer, AddGraph.of(graphs[name].graph), lab.platform)
                 _author_names(layer, lab, path)
         author_props(layer, lab, checkpoint, props)
@@ -227,7 +232,7 @@ def _remove(layer: Sdf.Layer, stage: Usd.Stage, path: str) -> None:
     if prim and any(each.layer != own for each in prim.GetPrimStack()):
         Sdf.CreatePrimInLayer(layer, path).active = False
     elif spec is not None:
-        del spec.nameParent.nameChildren[spec.name]
+        take_out(spec)
 
 
 def _author_names(layer: Sdf.Layer, lab: Lab, path: str) -> None:

@@ -12,6 +12,7 @@ from lab3_usd.isaac.node_types import Port
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import AddGraph, AddNode
+from lab3_usd.spec.load.starter import PoseSpec as StarterPose
 from lab3_usd.spec.scene import PoseSpec, SensorSpec
 
 # How Kit marks ports (isaac facts: serialization, sections 4, 5 and 7).
@@ -68,8 +69,7 @@ def author_sensor(
     else:
         prim.referenceList.prependedItems.append(Sdf.Reference(asset))
     for name, entry in (spec.attributes if asset is None else spec.required).items():
-        attribute = Sdf.AttributeSpec(prim, name, Sdf.ValueTypeNames.Find(entry.type))
-        attribute.default = catalog_value(entry.value, entry.type)
+        _declare(prim, name, entry.type, entry.value, custom=False)
     author_pose(prim, spec.pose, metres)
 
 
@@ -104,8 +104,8 @@ def author_node(layer: Sdf.Layer, node: AddNode, platform: Platform) -> None:
             types = kind.dynamic.metadata
             data = {"ExtendedAttributeType": types, "omni": {"graph": {"attrType": types}}}
             prim.attributes[name].SetInfo("customData", data)
-    _declare_uniform(prim, _EXPANSION, "token", "open")
-    _declare_uniform(prim, _POSITION, "float2", node.place)
+    _declare(prim, _EXPANSION, "token", "open", custom=False, uniform=True)
+    _declare(prim, _POSITION, "float2", node.place, custom=False, uniform=True)
 
 
 def _author_port(
@@ -125,24 +125,30 @@ def _author_port(
 
 
 def _declare(
-    prim: Sdf.PrimSpec, name: str, usd_type: str, value: Value | None, *, custom: bool
+    prim: Sdf.PrimSpec,
+    name: str,
+    usd_type: str,
+    value: Value | None,
+    *,
+    custom: bool,
+    uniform: bool = False,
 ) -> Sdf.AttributeSpec:
+    variability = Sdf.VariabilityUniform if uniform else Sdf.VariabilityVarying
     attribute = Sdf.AttributeSpec(
-        prim, name, Sdf.ValueTypeNames.Find(usd_type), Sdf.VariabilityVarying, declaresCustom=custom
+        prim, name, Sdf.ValueTypeNames.Find(usd_type), variability, declaresCustom=custom
     )
     if value is not None:
         attribute.default = catalog_value(value, usd_type)
     return attribute
 
 
-def _declare_uniform(prim: Sdf.PrimSpec, name: str, usd_type: str, value: Value) -> None:
-    attribute = Sdf.AttributeSpec(
-        prim, name, Sdf.ValueTypeNames.Find(usd_type), Sdf.VariabilityUniform
-    )
-    attribute.default = catalog_value(value, usd_type)
+def take_out(spec: Sdf.PrimSpec) -> None:
+    """Take a prim with all below it out of its layer."""
+    parent = spec.nameParent or spec.layer.pseudoRoot
+    del parent.nameChildren[spec.name]
 
 
-def author_pose(prim: Sdf.PrimSpec, pose: PoseSpec, metres: float) -> None:
+def author_pose(prim: Sdf.PrimSpec, pose: PoseSpec | StarterPose, metres: float) -> None:
     """Write translate, orient and scale in double precision, as the Property panel does.
 
     `pose` holds metres, degrees about X, then Y, then Z, and factors.

@@ -14,7 +14,7 @@ from lab3_usd.isaac.values import same_numbers
 from lab3_usd.model.prims import upwards
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.starter import AttributeSpec, PrimSpec, load_starter_spec
-from lab3_usd.spec.scene import ArticulationSpec, RobotSpec
+from lab3_usd.spec.scene import ArticulationSpec, RobotSpec, StageUnits
 from lab3_usd.stage.read.assets import layer_files
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.schema_names import (
@@ -24,7 +24,7 @@ from lab3_usd.stage.schema_names import (
     likely_property,
     likely_schema,
 )
-from lab3_usd.stage.write.graphs import quaternion, usd_value
+from lab3_usd.stage.write.graphs import author_pose, usd_value
 
 _BODY = "PhysicsRigidBodyAPI"
 _SHOWN = 3  # prims that have the name of a missing one
@@ -51,9 +51,8 @@ def starter_problems(lab: Lab, stage: Usd.Stage) -> list[str]:
             state = "" if prim.IsDefined() else " (an over without a def)"
             state = state if prim.IsActive() else " (deactivated)"
             reasons.append(f"{path} is there already{state}; the starter must not hold it")
-    if reasons:
-        unread = layer_files(stage).missing
-        reasons += [f"{path} cannot be read; what is missing may be in it" for path in unread]
+    unread = layer_files(stage).missing if reasons else ()
+    reasons += (f"{path} cannot be read; what is missing may be in it" for path in unread)
     return [*_units(lab, stage), *reasons]
 
 
@@ -180,9 +179,7 @@ def starter_layer(folder: Path) -> Sdf.Layer:
     spec = load_starter_spec(folder)
     layer = Sdf.Layer.CreateAnonymous(_SUFFIX)
     stage = Usd.Stage.Open(layer)
-    UsdGeom.SetStageUpAxis(stage, spec.units.up_axis)
-    UsdGeom.SetStageMetersPerUnit(stage, spec.units.meters_per_unit)
-    UsdPhysics.SetStageKilogramsPerUnit(stage, spec.units.kilograms_per_unit)
+    set_units(stage, spec.units)
     layer.documentation = spec.doc
     layer.defaultPrim = spec.default_prim
     for prim in spec.prims:
@@ -199,6 +196,13 @@ def starter_layer(folder: Path) -> Sdf.Layer:
     return layer
 
 
+def set_units(stage: Usd.Stage, units: StageUnits) -> None:
+    """Write the units of a stage, and which axis is up."""
+    UsdGeom.SetStageUpAxis(stage, units.up_axis)
+    UsdGeom.SetStageMetersPerUnit(stage, units.meters_per_unit)
+    UsdPhysics.SetStageKilogramsPerUnit(stage, units.kilograms_per_unit)
+
+
 def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
     """Write a prim of a stage whose unit has a length of `metres`.
 
@@ -211,11 +215,7 @@ def write_prim(stage: Usd.Stage, spec: PrimSpec, metres: float) -> None:
     for api in spec.apis:
         prim.AddAppliedSchema(api)
     if spec.pose is not None:
-        # The three operations that Isaac Sim's own editor writes, in its order.
-        xform, double = UsdGeom.Xformable(prim), UsdGeom.XformOp.PrecisionDouble
-        xform.AddTranslateOp(double).Set(Gf.Vec3d(spec.pose.translate) / metres)
-        xform.AddOrientOp(double).Set(quaternion(spec.pose.rotate))
-        xform.AddScaleOp(double).Set(Gf.Vec3d(spec.pose.scale))
+        author_pose(stage.GetRootLayer().GetPrimAtPath(spec.path), spec.pose, metres)
     for attribute in sorted(spec.attributes, key=lambda each: each.name != SHADER):
         _write_attribute(prim, attribute, spec.site)
     for name, paths in spec.targets:
