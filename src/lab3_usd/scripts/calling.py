@@ -10,7 +10,7 @@ from lab3_usd.scripts.api import NONE_OF_THESE, call_api
 from lab3_usd.scripts.expressions import evaluate
 from lab3_usd.scripts.library import call_builtin, call_library, call_method
 from lab3_usd.scripts.run import DEEPEST_CALL, Arguments, Run
-from lab3_usd.scripts.statements import execute, function_scope
+from lab3_usd.scripts.statements import execute
 from lab3_usd.scripts.values import (
     Class,
     External,
@@ -44,11 +44,11 @@ def call_value(function: Value, given: Arguments, node: ast.AST, scope: Scope, r
     elif isinstance(function, Method):
         name = function.name
     if name == "super" and isinstance(function, External):
-        own, owner = (
-            next(iter(function_scope(scope).names.values()), None),
-            function_scope(scope).owner,
-        )
-        return unknown(node) if own is None or owner is None else Super(own, owner)
+        around = scope.function()
+        own = next(iter(around.names.values()), None)
+        if own is None or around.owner is None:
+            return unknown(node)
+        return Super(own, around.owner)
     result = call_api(function, name, given, node, run)
     if result is not NONE_OF_THESE:
         return result
@@ -136,9 +136,11 @@ def _bind(function: Function, given: Arguments, inner: Scope) -> None:
     values = list(given.given)
     if function.own is not None:
         values.insert(0, function.own)
-    line = getattr(function.node, "lineno", 1)
-    for number, name in enumerate(names):
-        if number < len(values):
+    line = function.node.lineno
+    at = (line, 0, line, 0)
+    parameters = [*names, *(each.arg for each in arguments.kwonlyargs)]
+    for number, name in enumerate(parameters):
+        if number < min(len(values), len(names)):
             inner.names[name] = values[number]
         elif name in given.named:
             inner.names[name] = given.named[name]
@@ -146,22 +148,13 @@ def _bind(function: Function, given: Arguments, inner: Scope) -> None:
             inner.names[name] = function.defaults[name]
         else:
             inner.names[name] = Unknown(name, line)
-    for each in arguments.kwonlyargs:
-        value = given.named.get(each.arg, function.defaults.get(each.arg, Unknown(each.arg, line)))
-        inner.names[each.arg] = value
     if arguments.vararg is not None:
-        inner.names[arguments.vararg.arg] = Items(
-            values[len(names) :],
-            (line, 0, line, 0),
-            "tuple",
-            Unknown(arguments.vararg.arg, line) if given.is_open else None,
-        )
+        name = arguments.vararg.arg
+        rest = Unknown(name, line) if given.is_open else None
+        inner.names[name] = Items(values[len(names) :], at, "tuple", rest)
     if arguments.kwarg is not None:
-        table = Table(
-            (line, 0, line, 0), Unknown(arguments.kwarg.arg, line) if given.is_open else None
-        )
-        parameters = {*names, *(each.arg for each in arguments.kwonlyargs)}
-        for name, value in given.named.items():
-            if name not in parameters:
-                table.set(Text(name, (line, 0, line, 0)), value)
-        inner.names[arguments.kwarg.arg] = table
+        name = arguments.kwarg.arg
+        table = inner.names[name] = Table(at, Unknown(name, line) if given.is_open else None)
+        for key, value in given.named.items():
+            if key not in parameters:
+                table.set(Text(key, at), value)

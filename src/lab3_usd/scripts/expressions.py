@@ -63,14 +63,15 @@ def _constant(node: ast.Constant, _scope: Scope, _run: Run) -> Value:
 
 
 def _name(node: ast.Name, scope: Scope, _run: Run) -> Value:
-    if scope.has(node.id):
-        return scope.find(node.id)
+    holder = scope.holder(node.id)
+    if holder is not None:
+        return holder.names.get(node.id)
     if node.id == "__name__":
         return lifted("__main__", place(node))
-    for module in scope.top().stars:
-        return External(f"{module}.{node.id}")
     if node.id in BUILTINS:
         return External(f"builtins.{node.id}")
+    for module in scope.top().stars:
+        return External(f"{module}.{node.id}")
     return Unknown(node.id, node.lineno)
 
 
@@ -332,11 +333,9 @@ def _named(node: ast.NamedExpr, scope: Scope, run: Run) -> Value:
 
 def _yield(node: ast.Yield, scope: Scope, run: Run) -> Value:
     value = None if node.value is None else evaluate(node.value, scope, run)
-    target: Scope | None = scope
-    while target is not None and target.yields is None:
-        target = target.outer
-    if target is not None and target.yields is not None:
-        target.yields.append(value)
+    yields = scope.function().yields
+    if yields is not None:
+        yields.append(value)
     return unknown(node)
 
 

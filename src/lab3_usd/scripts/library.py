@@ -154,9 +154,7 @@ def call_method(own: Value, name: str, given: Arguments, node: ast.AST) -> Value
         return _call_text(own, name, given, node)
     if isinstance(own, Items):
         return _call_list(own, name, given.given, node)
-    if isinstance(own, Table):
-        return _call_table(own, name, given, node)
-    return unknown(node)
+    return _call_table(own, name, given, node)
 
 
 def _call_text(own: Text, name: str, given: Arguments, node: ast.AST) -> Value:

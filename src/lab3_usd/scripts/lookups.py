@@ -31,7 +31,7 @@ _BUNDLE = "outputs_"  # how the output of a bundle is called
 class Edit(Struct, eq=False):
     """One call: the world that it changes, the names that it knows, and its graph.
 
-    `number` is how many nodes there were before it.
+    `number` is how many nodes there were before it, `compound` the node whose graph it is.
     """
 
     world: World
@@ -41,6 +41,7 @@ class Edit(Struct, eq=False):
     may_exist: bool = False
     forgiven: set[str] = set()
     number: int = 0
+    compound: BuiltNode | None = None
 
     def pass_over(self, value: Value, at: At) -> None:
         """Note that a part of the call is unknown: its graph may hold more."""

@@ -62,7 +62,9 @@ def edit(run: Run, names: Names | None, given: Arguments, node: ast.Call) -> Val
         by_name.update(
             {each.name: each for each in run.world.nodes.values() if each.name not in by_name}
         )
-    made = _commands(act, commands, given, node)
+    made = _commands(act, commands) if isinstance(commands, Table) else []
+    if not isinstance(commands, Table) and (commands is not None or given.is_open):
+        run.world.open_graph(graph.path, as_unknown(commands, node))
     nodes = Items([NodeHandle(each.path) for each in made], at, "list", graph.rest)
     prims = Items([], at, "list", unknown(node))
     return Items([GraphHandle(graph.path), nodes, prims, Table(at)], at, "tuple")
@@ -120,12 +122,8 @@ def create_graph(run: Run, given: Arguments, node: ast.Call) -> Value:
     return GraphHandle(run.world.graph(path, at, is_ours=True).path) if path else unknown(node)
 
 
-def _commands(act: Edit, commands: Value, given: Arguments, node: ast.Call) -> list[BuiltNode]:
+def _commands(act: Edit, commands: Table) -> list[BuiltNode]:
     """Do the commands of a dictionary, and return the nodes that it makes."""
-    if not isinstance(commands, Table):
-        if commands is not None or given.is_open:
-            act.world.open_graph(act.graph, as_unknown(commands, node))
-        return []
     if commands.rest is not None:
         act.world.open_graph(act.graph, commands.rest)
     _note_unknown_keys(act, commands)
@@ -245,21 +243,15 @@ def _fill_compound(act: Edit, node: BuiltNode, commands: Table) -> None:
     outer = act.world.graphs[act.graph]
     inner = act.world.graph(f"{node.path}/{_INNER}", node.at, is_ours=True)
     inner.evaluator, inner.stage, inner.mode = outer.evaluator, outer.stage, outer.mode
-    count = len(act.world.nodes)
-    within = Edit(act.world, act.names, inner.path, node.at, act.may_exist, number=count)
-    for name in ORDER:
-        value = commands.values.get(name)
-        items = None if value is None else _as_list(value, name, within)
-        for item in () if items is None else items.items:
-            if name == "promote_attributes":
-                _promote_inner(within, node, item)
-            else:
-                _COMMANDS[name](within, item)
+    within = Edit(act.world, act.names, inner.path, node.at, act.may_exist, compound=node)
+    within.number = len(act.world.nodes)
+    _commands(within, commands)
 
 
-def _promote_inner(act: Edit, compound: BuiltNode, item: Value) -> None:
-    parts = _parts(item, act, 2)
-    if parts is None:
+def _promote(act: Edit, item: Value) -> None:
+    """Give a port within a compound a name of the compound; elsewhere that changes no wire."""
+    compound, parts = act.compound, _parts(item, act, 2)
+    if compound is None or parts is None:
         return
     at = _at(item, act)
     place = resolve(act, parts[0], at)
@@ -435,6 +427,6 @@ _COMMANDS: dict[str, Callable[[Edit, Value], BuiltNode | None]] = {
     "connect": _of_pair(connect),
     "disconnect": _of_pair(disconnect),
     "disconnect_all": lambda act, item: disconnect_all(act, item, _at(item, act)),
-    "promote_attributes": lambda _act, _item: None,  # outside of a compound it changes no wire
+    "promote_attributes": _promote,
     "set_values": _of_pair(set_value),
 }

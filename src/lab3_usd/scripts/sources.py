@@ -42,10 +42,9 @@ def may_change(path: Path, module: str) -> bool:
 def _bytes(path: Path) -> bytes:
     try:
         return path.read_bytes()
-    except OSError as error:
-        raise StageError(f"{path}: cannot be read ({error.strerror})") from error
-    except ValueError as error:
-        raise StageError(f"{path}: cannot be read ({error})") from error
+    except (OSError, ValueError) as error:
+        why = error.strerror if isinstance(error, OSError) else error
+        raise StageError(f"{path}: cannot be read ({why})") from error
 
 
 class Source(Struct, frozen=True, eq=False):

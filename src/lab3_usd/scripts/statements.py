@@ -176,16 +176,8 @@ def _define_class(node: ast.ClassDef, scope: Scope, run: Run) -> Ending:
 
 def _return(node: ast.Return, scope: Scope, run: Run) -> Ending:
     value = None if node.value is None else evaluate(node.value, scope, run)
-    function_scope(scope).returns.append(value)
+    scope.function().returns.append(value)
     return "return"
-
-
-def function_scope(scope: Scope) -> Scope:
-    """Return the scope of the function, or of the module, that a scope is in."""
-    enclosing: Scope = scope
-    while enclosing.kind not in ("function", "module") and enclosing.outer is not None:
-        enclosing = enclosing.outer
-    return enclosing
 
 
 def _if(node: ast.If, scope: Scope, run: Run) -> Ending:
@@ -212,7 +204,7 @@ def _branch(
             value = last.value if isinstance(last, ast.Return) else None
             # What the way that is not taken would return is kept.
             if value is not None and not (isinstance(value, ast.Constant) and value.value is None):
-                function_scope(scope).returns.append(evaluate(value, scope, run))
+                scope.function().returns.append(evaluate(value, scope, run))
             return execute(staying, scope, run)
     if _matters(body, run) or _matters(other, run):
         return execute(body if run.decide(test) else other, scope, run)
@@ -266,7 +258,7 @@ def _is_of_weight(part: ast.AST, run: Run) -> bool:
 
 def _both(body: Sequence[ast.stmt], other: Sequence[ast.stmt], scope: Scope, run: Run) -> Ending:
     """Take both ways, one after the other from the same names, and join what they leave."""
-    function = function_scope(scope)
+    function = scope.function()
     tables = [scope.names, function.names, *[each.attributes for each in run.instances]]
     tables = list({id(table): table for table in tables}.values())
     before = [dict(table) for table in tables]

@@ -162,27 +162,16 @@ class Scope(Struct, eq=False):
     returns: list[Value] = []
     yields: list[Value] | None = None
 
-    def find(self, name: str) -> Value | None:
-        """Return the value of a name here or further out, None without one."""
+    def holder(self, name: str) -> Scope | None:
+        """Return the scope that gives a name its value, here or further out, None without one."""
         if name in self.public:
-            return self.public[name].names.get(name)
+            return self.public[name]
         if name in self.names:
-            return self.names[name]
+            return self
         scope = self.outer
-        while scope is not None:
-            if scope.kind != "class" and name in scope.names:
-                return scope.names[name]
+        while scope is not None and (scope.kind == "class" or name not in scope.names):
             scope = scope.outer
-        return None
-
-    def has(self, name: str) -> bool:
-        """Whether a name has a value, None being one."""
-        scope: Scope | None = self
-        while scope is not None:
-            if (scope is self or scope.kind != "class") and name in scope.names:
-                return True
-            scope = scope.outer
-        return name in self.public
+        return scope
 
     def set(self, name: str, value: Value) -> None:
         """Give a name a value."""
@@ -192,6 +181,13 @@ class Scope(Struct, eq=False):
         """Return the scope of the module."""
         scope = self
         while scope.outer is not None:
+            scope = scope.outer
+        return scope
+
+    def function(self) -> Scope:
+        """Return the scope of the function, or of the module, that it is in."""
+        scope = self
+        while scope.kind not in ("function", "module") and scope.outer is not None:
             scope = scope.outer
         return scope
 
@@ -392,11 +388,6 @@ def lifted(value: Any, at: At) -> Value:
             return Unknown("a long list", at[0])
         kind = "tuple" if isinstance(value, tuple) else "list"
         return Items([lifted(item, at) for item in value], at, kind)
-    if isinstance(value, dict):
-        table = Table(at)
-        for key, entry in value.items():
-            table.set(lifted(key, at), lifted(entry, at))
-        return table
     if value is None or isinstance(value, (bool, int, float)):
         return value
     return Unknown("...", at[0])
