@@ -11,12 +11,12 @@ from breaking import copied, correct_stage
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics, Vt
 from scene_stages import aim, clear, put, retype, switch, without_api
 
-from lab3_usd.errors import StageError
 from lab3_usd.isaac.values import same_numbers
 from lab3_usd.model.changes import Change, Difference
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.compare.stages import compare_starter
 from lab3_usd.stage.compare.value_terms import same_usd_value
+from lab3_usd.stage.read.opening import open_stage
 from lab3_usd.stage.write.starter import starter_layer
 
 LAB = load_lab()
@@ -357,21 +357,6 @@ def test_a_first_transform_counts_by_where_it_puts_a_prim(
 # -- files and assets
 
 
-def test_files_are_compared_as_well_as_stages(
-    starter: Usd.Stage, stage: Usd.Stage, tmp_path: Path
-) -> None:
-    stage.RemovePrim(WALL)
-    for name, each in (("starter", starter), ("stage", stage)):
-        each.GetRootLayer().Export(str(tmp_path / f"{name}.usda"))
-    subject = compare_starter(tmp_path / "starter.usda", tmp_path / "stage.usda", LAB, "08")
-    assert only(subject.changes).prim == WALL
-
-
-def test_a_starter_that_cannot_be_opened_is_said(stage: Usd.Stage, tmp_path: Path) -> None:
-    with pytest.raises(StageError, match="no such file"):
-        compare_starter(tmp_path / "starter.usda", stage, LAB, "08")
-
-
 def layered(folder: Path, name: str) -> Path:
     """Write a stage whose wall comes from another file."""
     folder.mkdir(parents=True, exist_ok=True)
@@ -397,9 +382,9 @@ def test_an_operation_whose_value_is_of_another_type_moves_nothing(
 
 def test_what_a_missing_asset_would_hold_is_not_compared(tmp_path: Path) -> None:
     before, after = layered(tmp_path / "a", "starter.usda"), layered(tmp_path / "b", "stage.usda")
-    assert compare_starter(before, after, LAB, "08").changes == ()
+    assert compared(open_stage(before), open_stage(after)) == ()
     (tmp_path / "b" / "wall.usda").unlink()
-    assert compare_starter(before, after, LAB, "08").changes == ()
+    assert compared(open_stage(before), open_stage(after)) == ()
 
 
 def test_a_reference_that_was_deleted_is_a_change(tmp_path: Path) -> None:
@@ -407,14 +392,14 @@ def test_a_reference_that_was_deleted_is_a_change(tmp_path: Path) -> None:
     stage = Usd.Stage.Open(str(after))
     stage.GetPrimAtPath("/World/Wall").GetReferences().ClearReferences()
     stage.Save()
-    change = only(compare_starter(before, after, LAB, "08").changes)
+    change = only(compared(open_stage(before), open_stage(after)))
     assert change.prim == "/World/Wall"
 
 
 def test_what_the_starter_itself_lacks_is_not_asked_for(tmp_path: Path) -> None:
     before, after = layered(tmp_path / "a", "starter.usda"), layered(tmp_path / "b", "stage.usda")
     (tmp_path / "a" / "wall.usda").unlink()
-    assert compare_starter(before, after, LAB, "08").changes == ()
+    assert compared(open_stage(before), open_stage(after)) == ()
 
 
 def textured(folder: Path, texture: str) -> Path:
@@ -432,7 +417,7 @@ def test_assets_are_compared_by_what_they_resolve_to(tmp_path: Path) -> None:
     (tmp_path / "assets" / "sky.hdr").write_bytes(b"sky")
     before = textured(tmp_path / "assets", "./sky.hdr")
     assert (
-        compare_starter(before, textured(tmp_path / "work", "../assets/sky.hdr"), LAB, "08").changes
+        compared(open_stage(before), open_stage(textured(tmp_path / "work", "../assets/sky.hdr")))
         == ()
     )
 
@@ -442,16 +427,16 @@ def test_an_asset_that_is_another_file_is_a_change(tmp_path: Path) -> None:
         (tmp_path / folder).mkdir()
         (tmp_path / folder / "sky.hdr").write_bytes(data)
     before = textured(tmp_path / "a", "./sky.hdr")
-    changes = compare_starter(before, textured(tmp_path / "b", "./sky.hdr"), LAB, "08").changes
+    changes = compared(open_stage(before), open_stage(textured(tmp_path / "b", "./sky.hdr")))
     assert difference(changes).property == "inputs:texture:file"
-    same = compare_starter(before, textured(tmp_path / "c", "./sky.hdr"), LAB, "08").changes
+    same = compared(open_stage(before), open_stage(textured(tmp_path / "c", "./sky.hdr")))
     assert same == ()
 
 
 def test_an_asset_that_is_not_here_cannot_be_judged(tmp_path: Path) -> None:
     before = textured(tmp_path / "a", "omniverse://server/sky.hdr")
     after = textured(tmp_path / "b", "https://server.org/sky.hdr")
-    assert compare_starter(before, after, LAB, "08").changes == ()
+    assert compared(open_stage(before), open_stage(after)) == ()
 
 
 def instanced(folder: Path, size: float) -> Path:
@@ -471,8 +456,8 @@ def instanced(folder: Path, size: float) -> Path:
 
 def test_instances_are_looked_into(tmp_path: Path) -> None:
     before = instanced(tmp_path / "a", 1.0)
-    assert compare_starter(before, instanced(tmp_path / "b", 1.0), LAB, "08").changes == ()
-    changes = compare_starter(before, instanced(tmp_path / "c", 3.0), LAB, "08").changes
+    assert compared(open_stage(before), open_stage(instanced(tmp_path / "b", 1.0))) == ()
+    changes = compared(open_stage(before), open_stage(instanced(tmp_path / "c", 3.0)))
     assert only(changes).prim == "/World/Copy/Shape"
 
 

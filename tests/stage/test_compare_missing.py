@@ -196,10 +196,10 @@ def test_an_over_of_a_prim_in_a_missing_asset_is_compared(
 ) -> None:
     before, after = overs(tmp_path, edit)
     stage = open_stage(after)
-    assert told(compare_starter(before, stage, LAB, "05").changes)[-1:] == [site]
+    assert told(compare_starter(open_stage(before), stage, LAB, "05").changes)[-1:] == [site]
 
 
 def test_overs_of_a_run_in_a_missing_asset_are_no_change(tmp_path: Path) -> None:
     before, after = overs(tmp_path, put(BASE, TRANSLATE, Gf.Vec3d(1, 1, 0)))
-    found = compare_starter(before, open_stage(after), LAB, "05").changes
+    found = compare_starter(open_stage(before), open_stage(after), LAB, "05").changes
     assert [each for each in told(found) if each[0].startswith(ROBOT)] == []

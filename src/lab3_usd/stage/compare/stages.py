@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Iterator
 from fnmatch import fnmatchcase
-from pathlib import Path
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -16,7 +15,6 @@ from lab3_usd.model.stage import UnresolvedAsset
 from lab3_usd.model.transforms import PlaceTolerance
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.props import PropSpec
-from lab3_usd.spec.submission import StarterRules
 from lab3_usd.stage.compare.compared_prims import added_changes, prim_differences
 from lab3_usd.stage.compare.pairs import (
     PRESENT,
@@ -39,7 +37,7 @@ from lab3_usd.stage.compare.value_terms import (
     is_physical,
 )
 from lab3_usd.stage.read.assets import IS_PRESENT, find_unresolved
-from lab3_usd.stage.read.opening import cached, open_stage, quiet
+from lab3_usd.stage.read.opening import cached, quiet
 
 _POSE = "xformOp"
 _NewPrims = dict[Signature, list[Usd.Prim]]
@@ -57,26 +55,20 @@ class _Comparison(Struct, frozen=True):
 
 @quiet()
 def compare_starter(
-    starter: Path | Usd.Stage, stage: Path | Usd.Stage, lab: Lab, checkpoint: str
+    starter: Usd.Stage, stage: Usd.Stage, lab: Lab, checkpoint: str
 ) -> StarterSubject:
     """Compare everything that the lab does not add, both stages composed with their payloads.
 
     After the first checkpoint the places of rigid bodies are left out: a stage may have been
     saved after a run. Where the stage lacks an asset, what its own layers say is compared; the rest
     may be in the asset.
-
-    Raises:
-        StageError: one of the files cannot be opened.
     """
     rules = lab.submission.starter
-    before = open_stage(starter) if isinstance(starter, Path) else starter
-    after = open_stage(stage) if isinstance(stage, Path) else stage
-    terms = _terms(rules, lab, after, bodies_rest=checkpoint == next(iter(lab.checkpoints)))
-    terms = replace(terms, unknown=tuple(asset.prim for asset in find_unresolved(before)))
-    scope = Scope(rules.ignored_prims, hidden=tuple(_hidden(before, after)))
-    share_layers = not set(before.GetUsedLayers()).isdisjoint(after.GetUsedLayers())
-    comparison = _Comparison(before, after, terms, scope, share_layers)
-    key = ("changes", id(before), id(after), terms.bodies_rest)
+    terms = _terms(lab, starter, stage, bodies_rest=checkpoint == lab.first)
+    scope = Scope(rules.ignored_prims, hidden=tuple(_hidden(starter, stage)))
+    share_layers = not set(starter.GetUsedLayers()).isdisjoint(stage.GetUsedLayers())
+    comparison = _Comparison(starter, stage, terms, scope, share_layers)
+    key = ("changes", id(starter), id(stage), terms.bodies_rest)
     changes = cached(key, lambda: tuple(_changes(comparison)))
     point = lab.checkpoints[checkpoint]
     props = lab.props_at(point).values()
@@ -102,8 +94,9 @@ def _without_asked(change: Change, props: Iterable[PropSpec]) -> Change | None:
     return replace(change, differences=kept) if kept or change.absent else None
 
 
-def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:
+def _terms(lab: Lab, starter: Usd.Stage, stage: Usd.Stage, *, bodies_rest: bool) -> Terms:
     robots, tolerance = lab.scene.robots, lab.scene.tolerance
+    rules = lab.submission.starter
     # A stage without a unit is reported elsewhere; here it only must not divide by it.
     length = tolerance.sensor_position / (UsdGeom.GetStageMetersPerUnit(stage) or 1.0)
     return Terms(
@@ -116,6 +109,7 @@ def _terms(rules: StarterRules, lab: Lab, stage: Usd.Stage, *, bodies_rest: bool
             tuple(filter(None, (robot.path, robot.articulation.target))) for robot in robots
         ),
         bodies_rest=bodies_rest,
+        unknown=tuple(asset.prim for asset in find_unresolved(starter)),
     )
 
 
