@@ -12,6 +12,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from msgspec.structs import replace
 
 from lab3_usd.model.finding import SEVERITIES, Finding, Place, Problem
+from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import StageModel, absence_reason
 
 _MOST = 3  # problems of one cause that are listed one by one
@@ -94,11 +95,8 @@ def _stands_at(finding: Finding, prim: str, name: str | None) -> bool:
 
 def absent_above(path: str, stage: StageModel) -> str:
     """Return the topmost prim at or above a path that is not in the scene, '' where all are."""
-    absent = ""
-    while path:
-        absent = path if stage.prim(path) is None else absent
-        path = path.rpartition("/")[0]
-    return absent
+    absent = [top for top in upwards(path) if stage.prim(top) is None]
+    return absent[-1] if absent else ""
 
 
 def of_one_cause(

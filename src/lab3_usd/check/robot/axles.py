@@ -124,19 +124,14 @@ def _base(subject: RobotSubject) -> str:
 def rest_frames(subject: RobotSubject) -> dict[str, Matrix]:
     """Map the base, and each body that fixed joints tie to it, to where it stands on the base."""
     placed = {_base(subject): IDENTITY}
-    fixed = welds(subject)
-    is_growing = True
-    while is_growing:
-        is_growing = False
-        for weld in fixed:
-            ends = bodies(weld)
-            for side, far in ((0, 1), (1, 0)):
-                if ends[side] not in placed or not ends[far] or ends[far] in placed:
-                    continue
-                seen = _seen_over(weld, far)
-                if seen is not None:
-                    placed[ends[far]] = multiply(seen, placed[ends[side]])
-                    is_growing = True
+    reached = [*placed]
+    for body in reached:  # which grows
+        for weld in (weld for weld in welds(subject) if body in bodies(weld)):
+            far = 1 - bodies(weld).index(body)
+            other, seen = bodies(weld)[far], _seen_over(weld, far)
+            if other and other not in placed and seen is not None:
+                placed[other] = multiply(seen, placed[body])
+                reached.append(other)
     return placed
 
 

@@ -32,7 +32,7 @@ from lab3_usd.model.physics import (
     slant,
     vector,
 )
-from lab3_usd.model.prims import Collider, Prim, is_at_or_below
+from lab3_usd.model.prims import Collider, Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel, once_per_stage
 from lab3_usd.model.transforms import (
     AXES,
@@ -135,9 +135,8 @@ def _solid_planes(stage: StageModel, robot: str) -> Iterator[Prim]:
 
 def _collides_above(stage: StageModel, path: str) -> bool:
     """Whether an ancestor makes all shapes below it collide."""
-    parent = path.rpartition("/")[0]
-    prim = stage.prims.get(parent)
-    return prim is not None and (collides(prim) or _collides_above(stage, parent))
+    above = map(stage.prims.get, upwards(path.rpartition("/")[0]))
+    return any(prim is not None and collides(prim) for prim in above)
 
 
 def boxes(subject: RobotSubject) -> Iterator[Collider]:
@@ -185,13 +184,12 @@ def moving_body(
     Kinematic bodies stay, and so do those that a fixed joint ties to what stays. `body_paths` are
     the bodies visited so far: they end the search where joints tie bodies in a ring.
     """
-    while path:
-        prim = stage.prim(path)
+    for body in upwards(path):
+        prim = stage.prim(body)
         if prim is not None and is_body(prim) and not is_switched_off(prim, BODY_ENABLED):
             is_driven = prim.attributes.get(KINEMATIC) is True
-            is_tied = path not in body_paths and _is_tied(stage, path, body_paths | {path})
+            is_tied = body not in body_paths and _is_tied(stage, body, body_paths | {body})
             return None if is_driven or is_tied else prim
-        path = path.rpartition("/")[0]
     return None
 
 

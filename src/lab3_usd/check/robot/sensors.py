@@ -11,7 +11,7 @@ from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
 from lab3_usd.check.robot.poses import PoseError, pose_errors, pose_property, sensor_tolerance
 from lab3_usd.model.physics import number, numbers
 from lab3_usd.model.prims import Collider, Matrix, Prim, is_at_or_below, upwards
-from lab3_usd.model.stage import StageModel, once_per_stage
+from lab3_usd.model.stage import StageModel, listed_once, once_per_stage
 from lab3_usd.model.transforms import (
     IDENTITY,
     Vector,
@@ -360,29 +360,24 @@ def enclosing(sensor: Prim, subject: RobotSubject) -> Iterator[Prim]:
             yield prim
 
 
-@once_per_stage
-def _shapes_on_robot(subject: RobotSubject) -> tuple[tuple[Prim, Collider], ...]:
-    """Return the shapes on the robot that are no part of how it looks, and no room, with boxes."""
+@listed_once
+def _shapes_on_robot(subject: RobotSubject) -> Iterator[tuple[Prim, Collider]]:
+    """Yield the shapes on the robot that are no part of how it looks, and no room, with boxes."""
     robot, stage = subject.robot, subject.stage
-    shapes = []
     for prim in stage.below(robot.path, _SOLID.__contains__, frozenset(robot.appearance_below)):
         box = stage.colliders.shape(prim.path) if prim.present else None
         if box is not None and all(
             high - low < 2 * _ROOM for low, high in zip(box.low, box.high, strict=True)
         ):
-            shapes.append((prim, box))
-    return tuple(shapes)
+            yield prim, box
 
 
 def hidden_by(prim: Prim, stage: StageModel, hiding: Mapping[str, str] = _HIDDEN) -> Prim | None:
     """Return the prim, itself or one above it, by whose value a prim is not rendered."""
-    path = prim.path
-    while path:
-        above = stage.prim(path)
+    for above in map(stage.prim, upwards(prim.path)):
         values = {} if above is None else above.attributes
         if any(values.get(name) == value for name, value in hiding.items()):
             return above
-        path = path.rpartition("/")[0]
     return None
 
 

@@ -25,7 +25,7 @@ from lab3_usd.model.physics import (
     is_joint,
     joints,
 )
-from lab3_usd.model.prims import Prim, is_at_or_below
+from lab3_usd.model.prims import Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import GraphModel, Node, StageModel, UnresolvedAsset, once_per_stage
 
 if TYPE_CHECKING:
@@ -163,12 +163,9 @@ def _is_body(path: str, subject: RobotSubject) -> bool:
     is_link = any(is_at_or_below(path, link) for link in robot.link_paths)
     if is_link or not is_at_or_below(path, robot.path):
         return False
-    while is_at_or_below(path, robot.path):
-        prim = subject.stage.prim(path)
-        if prim is not None and is_body(prim):
-            return True
-        path = path.rpartition("/")[0]
-    return False
+    above = (top for top in upwards(path) if is_at_or_below(top, robot.path))
+    prims = map(subject.stage.prim, above)
+    return any(prim is not None and is_body(prim) for prim in prims)
 
 
 def restored(joint: WheelJoint, name: str | None) -> tuple[Edit, ...]:
@@ -180,7 +177,12 @@ def restored(joint: WheelJoint, name: str | None) -> tuple[Edit, ...]:
 
 
 def wheel_problem(
-    joint: WheelJoint, robot: RobotSpec, fault: JointFault, asked: str, handout: str = ""
+    joint: WheelJoint,
+    robot: RobotSpec,
+    fault: JointFault,
+    asked: str,
+    handout: str = "",
+    rests_on: UnresolvedAsset | None = None,
 ) -> Problem:
     """Return that a wheel joint is not as asked, with what it fails, and its property restored."""
     return Problem(
@@ -193,6 +195,7 @@ def wheel_problem(
         joint.related,
         fix=restored(joint, fault.property),
         unmet=(f"{robot.group}/{asked}/{joint.name}",),
+        rests_on=rests_on,
     )
 
 

@@ -9,6 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.check.robot.sensors import INVISIBLE, hidden_by
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ApplySchema, Connect, Edit, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity, display, format_paths
@@ -294,8 +295,7 @@ def _bare_bindings(name: str, prim: Prim, stage: StageModel) -> Iterator[_Fault]
 
 def _wrong_visibility(wanted: Value, prim: Prim, stage: StageModel) -> Iterator[_Fault]:
     """Yield a thing that is hidden, itself or with what is above it, or one that is not."""
-    prims = (stage.prim(path) for path in upwards(prim.path))
-    hiding = next((p for p in prims if p and p.attributes.get(_VISIBILITY) == _HIDDEN), None)
+    hiding = hidden_by(prim, stage, INVISIBLE)
     if (hiding is not None) == (wanted == _HIDDEN):
         return
     if hiding is None or hiding is prim:

@@ -50,13 +50,12 @@ def joint_drive(subject: RobotSubject) -> Iterator[Problem]:
     """
     robot = subject.robot
     for joint, prim in turning_joints(subject).items():
-        drive, asset = read_drive(prim.type, prim.apis, prim.attributes), None
+        drive = read_drive(prim.type, prim.apis, prim.attributes)
         if not drive.api:
             asset = subject.stage.unknown(prim.path)
             fault = JointFault(f"{joint.name} has no angular drive", DAMPING, DRIVE_API)
-            fix = (ApplySchema(prim.path, DRIVE_API),)
-            problem = wheel_problem(joint, robot, fault, "damping")
-            yield replace(problem, fix=fix, rests_on=asset)
+            problem = wheel_problem(joint, robot, fault, "damping", rests_on=asset)
+            yield replace(problem, fix=(ApplySchema(prim.path, DRIVE_API),))
             if asset is None:
                 continue
         if drive.stiffness != 0:
@@ -67,8 +66,8 @@ def joint_drive(subject: RobotSubject) -> Iterator[Problem]:
             if value is None or not value > 0:
                 text = f"{_WORDS[name]} is {number_text(value)}, expected more than 0"
                 fault = JointFault(text, name, "above 0", number_text(value))
-                problem = wheel_problem(joint, robot, fault, "damping")
-                yield replace(problem, rests_on=subject.stage.unknown_value(prim, name))
+                asset = subject.stage.unknown_value(prim, name)
+                yield wheel_problem(joint, robot, fault, "damping", rests_on=asset)
         yield from _weak_drive(joint, drive, subject)
 
 

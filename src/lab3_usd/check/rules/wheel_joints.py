@@ -189,8 +189,7 @@ def joint_bodies(subject: RobotSubject) -> Iterator[Problem]:
             message = f"{name} is {actual or 'the world'}, expected {expected}"
             fault = JointFault(message, name, expected, actual or "no prim")
             asset = None if actual else subject.stage.unknown(joint.site)
-            problem = wheel_problem(joint, subject.robot, fault, "bodies", section)
-            yield replace(problem, rests_on=asset)
+            yield wheel_problem(joint, subject.robot, fault, "bodies", section, asset)
 
 
 @rule("S23", "second-wheel-joint", scope="robot", demands=_TURNS_A_WHEEL, needs="wheels")

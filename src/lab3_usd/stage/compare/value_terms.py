@@ -129,20 +129,22 @@ def affects_physics(prim: Usd.Prim, rules: StarterRules) -> bool:
 
 def is_collision_shape(prim: Usd.Prim, rules: StarterRules) -> bool:
     """Whether the prim is a collision shape, by itself or by a prim above it."""
-    while prim and not prim.IsPseudoRoot():
-        if rules.collision in applied_schemas(prim):
-            return True
-        prim = prim.GetParent()
-    return False
+    return _holder(prim, rules.collision) is not None
 
 
 def body_of(prim: Usd.Prim, rules: StarterRules) -> str:
     """Return the path of the rigid body that the prim belongs to, '' for none."""
+    body = _holder(prim, rules.body)
+    return "" if body is None else str(body.GetPath())
+
+
+def _holder(prim: Usd.Prim, api: str) -> Usd.Prim | None:
+    """Return the nearest prim, itself or above, to which a schema is applied."""
     while prim and not prim.IsPseudoRoot():
-        if rules.body in applied_schemas(prim):
-            return str(prim.GetPath())
+        if api in applied_schemas(prim):
+            return prim
         prim = prim.GetParent()
-    return ""
+    return None
 
 
 _LONGEST = 60  # characters of a value in a message
