@@ -43,7 +43,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import BODY_API
-from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, once_per_stage
+from lab3_usd.model.stage import Node, StageModel, UnresolvedAsset, listed_once, once_per_stage
 from lab3_usd.spec.contradictions.names import transform_topics
 from lab3_usd.spec.graph import NodeSpec, Target
 
@@ -272,14 +272,13 @@ class FrameSource(Struct, frozen=True):
     handout: str
 
 
-@once_per_stage
-def frame_sources(view: TfView) -> tuple[FrameSource, ...]:
+@listed_once
+def frame_sources(view: TfView) -> Iterator[FrameSource]:
     """Return the nodes whose target prims must become frames, where their frames are sent at all.
 
     A node that is missing, does not run or whose frames are not sent as they are is the business
     of other rules. One that computes nothing is not: then its targets are at fault.
     """
-    sources: list[FrameSource] = []
     sent = {edge.cause for edge in view.edges} | {hidden.cause for hidden in view.hidden}
     mangled = {edge.cause for edge in view.edges if is_altered_by_wires(edge, view)}
     for path, spec in view.role_specs.items():
@@ -291,9 +290,7 @@ def frame_sources(view: TfView) -> tuple[FrameSource, ...]:
         for target in spec.targets:
             if target.port in spec.frames_from:
                 homes = _homes(node, target, view)
-                source = FrameSource(node, target.port, target.prims, homes, target.handout)
-                sources.append(source)
-    return tuple(sources)
+                yield FrameSource(node, target.port, target.prims, homes, target.handout)
 
 
 def _homes(node: Node, target: Target, view: TfView) -> dict[str, str]:

@@ -43,7 +43,7 @@ _Expected = Setting | Target | Wire | Variable
 
 
 class _GraphItem(Struct, frozen=True):
-    """One thing asked of a graph, and the requirement that it is when it is met and when not.
+    """One thing asked of a graph, and the requirement that it is when it is met.
 
     `expected` is what the node with this role must have, None where it must only exist.
     """
@@ -51,7 +51,6 @@ class _GraphItem(Struct, frozen=True):
     role: str
     expected: _Expected | None
     met: Requirement
-    unmet: Requirement
 
     @property
     def port(self) -> str:
@@ -68,14 +67,11 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
     settings = {(each.spec.role, each.setting.port): each for each in settings_of(subject)}
     nested = nested_nodes(subject)
     for item in _items_of(subject):
-        expected, unmet = item.expected, item.unmet
+        expected, graph = item.expected, subject.roles.graph
+        node, is_slight = subject.roles.node_of.get(item.role), False
         if type(expected) is Variable:
-            graph = subject.roles.graph
             is_met = graph is not None and is_variable_met(graph, expected)
-            yield item.met if is_met else unmet
-            continue
-        node = subject.roles.node_of[item.role]
-        if node is None:
+        elif node is None:
             is_met = False
         elif type(expected) is Wire:
             source = subject.roles.node_of[expected.source.role]
@@ -84,14 +80,13 @@ def graph_requirements(subject: GraphSubject) -> Iterator[Requirement]:
         elif type(expected) is Setting:
             judged = settings[item.role, expected.port]
             is_met = judged.met
-            if not is_met and _is_slight(subject, judged):
-                unmet = replace(unmet, slight=True)
+            is_slight = not is_met and _is_slight(subject, judged)
         else:
             is_met = type(expected) is not Target or target_matches(node, expected)
-        met = item.met
-        if item.role in nested:
-            met = replace(met, judged=False)
-        yield met if is_met else unmet
+        if not is_met:
+            yield replace(item.met, met=False, slight=is_slight)
+        else:
+            yield replace(item.met, judged=False) if item.role in nested else item.met
 
 
 @once_per_stage
@@ -149,7 +144,7 @@ def _item(
 ) -> _GraphItem:
     kind = name.partition("/")[0]
     met = Requirement(f"{graph}/{name}", graph, kind, title, met=True, handout=handout)
-    return _GraphItem(role, expected, met, replace(met, met=False))
+    return _GraphItem(role, expected, met)
 
 
 def _is_slight(subject: GraphSubject, judged: Found) -> bool:

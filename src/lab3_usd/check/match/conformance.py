@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from msgspec import Struct
 
@@ -13,7 +13,14 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.topics import resolved_topic
 from lab3_usd.isaac.values import Value, are_alike
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import GraphModel, Node, RenderProduct, once_per_stage, same_value
+from lab3_usd.model.stage import (
+    GraphModel,
+    Node,
+    RenderProduct,
+    listed_once,
+    once_per_stage,
+    same_value,
+)
 from lab3_usd.spec.graph import NodeSpec, Setting, Target, Variable, Wire
 
 
@@ -49,10 +56,9 @@ class Found(Struct, frozen=True):
     met: bool
 
 
-@once_per_stage
-def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
-    """Return every setting of every matched node."""
-    judged: list[Found] = []
+@listed_once
+def settings_of(subject: GraphSubject) -> Iterator[Found]:
+    """Yield every setting of every matched node."""
     namespace = INPUT + subject.lab.platform.ros.namespace
     for node, spec in subject.matched:
         names = {namespace, *spec.type.topics}
@@ -60,8 +66,7 @@ def settings_of(subject: GraphSubject) -> tuple[Found, ...]:
         for setting in spec.settings:
             value = effective_value(node, setting.port, subject.live_nodes)
             met = (is_same_topic and setting.port in names) or setting_matches(node, setting, value)
-            judged.append(Found(node, spec, setting, value, met))
-    return tuple(judged)
+            yield Found(node, spec, setting, value, met)
 
 
 @once_per_stage
@@ -190,7 +195,5 @@ def source_paths(source: Node, wire: Wire, equivalents: Mapping[str, str]) -> li
 
 def is_fed(source: Node, target: Node, wire: Wire, equivalents: Mapping[str, str]) -> bool:
     """Whether `wire` enters `target` from its source or from a stand-in of that."""
-    sources = target.sources(wire.target.port)
-    if source_path(source, wire) in sources:
-        return True
-    return any(path in sources for path in source_paths(source, wire, equivalents))
+    accepted = source_paths(source, wire, equivalents)
+    return any(path in accepted for path in target.sources(wire.target.port))

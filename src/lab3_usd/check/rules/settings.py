@@ -24,7 +24,7 @@ from lab3_usd.isaac.values import Value
 from lab3_usd.model.changes import ClearValue, SetValue
 from lab3_usd.model.finding import Problem, display, format_paths, role_title, short_source
 from lab3_usd.model.physics import REVOLUTE
-from lab3_usd.model.stage import Node, once_per_stage, same_value
+from lab3_usd.model.stage import Node, listed_once, same_value
 from lab3_usd.spec.graph import NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
 
@@ -215,15 +215,8 @@ def _kept_problem(
     return Problem(node.path, message, port.name, expected, actual, section, hint=hint, fix=fix)
 
 
-_Changed = tuple[Node, NodeSpec, Port, Value | None]
-
-
-@once_per_stage
-def _changed(subject: GraphSubject) -> tuple[_Changed, ...]:
-    return tuple(_find_changed(subject))
-
-
-def _find_changed(subject: GraphSubject) -> Iterator[_Changed]:
+@listed_once
+def _changed(subject: GraphSubject) -> Iterator[tuple[Node, NodeSpec, Port, Value | None]]:
     """Yield the inputs that the handout does not set and that are away from their default."""
     for node, spec in subject.matched:
         for port in subject.spec.free_inputs[spec.role]:
