@@ -6,7 +6,6 @@ from collections.abc import Mapping
 
 from msgspec import Struct
 
-from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.releases import BASE, order
 
 
@@ -41,13 +40,6 @@ class Names(Struct, frozen=True):
             return self.renamed[name]
         prefix, _, rest = name.rpartition(".")
         return f"{self.prefixes[prefix]}.{rest}" if prefix in self.prefixes else name
-
-    def canonical(self, name: str, types: Mapping[str, NodeType]) -> str:
-        """Return the name of a type among these, where they have the written one or what it means.
-
-        A type that is there keeps its name, whatever that means elsewhere.
-        """
-        return name if name in types else self.modern(name)
 
     def is_old(self, name: str) -> bool:
         """Whether a name of a type is one from before the release `before`."""

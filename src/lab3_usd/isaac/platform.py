@@ -121,9 +121,10 @@ class Platform(GraphRuns, frozen=True, eq=False, dict=True):
     def type_name(self, written: str) -> str:
         """Return the name of the type that a file's `node:type` means, whichever release wrote it.
 
-        A name that nobody knows comes back unchanged.
+        A type that is there keeps its name, whatever that means elsewhere. A name that nobody knows
+        comes back unchanged.
         """
-        return self.names.canonical(written, self.types)
+        return written if written in self.types else self.names.modern(written)
 
     def written_name(self, node_type: str) -> str:
         """Return the name that a file of this release has for a type."""

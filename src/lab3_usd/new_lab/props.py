@@ -65,13 +65,8 @@ def describe_props(
     return Props(data, tuple(described_paths | holders), tuple(dict.fromkeys(left_out)))
 
 
-_LISTED = (
-    "apis",
-    "set",
-    "targets",
-    "variants",
-    "place",
-)  # which a later checkpoint may add to a thing
+_VALUES = ("set", "targets", "variants", "place")
+_LISTED = ("apis", *_VALUES)  # which a later checkpoint may add to a thing
 
 
 def _state(thing: Thing) -> dict[str, Any]:
@@ -175,9 +170,6 @@ def _described(
         return {}
     data = {key: [*value] if key == "apis" else value for key, value in final.items() if value}
     return {**data, **({"until": until} if until else {})}
-
-
-_VALUES = ("set", "targets", "variants", "place")
 
 
 def _changing(state: Mapping[str, Any], changed: Collection[tuple[str, str]]) -> dict[str, Any]:

@@ -56,45 +56,33 @@ def describe_robots(
     graphs = tuple(graphs)
     robots: dict[str, dict[str, Any]] = {}
     for target, is_articulation in _articulations(stage, graphs):
-        robot = _robot(stage, target, graphs, until, is_articulation=is_articulation)
-        if robot["path"] in (described["path"] for described in robots.values()):
+        root = _root(stage, target)
+        if root in (described["path"] for described in robots.values()):
             continue
-        name = robot["path"].rpartition("/")[2]
+        prim = stage.prims.get(root)
+        base = _base(stage, target, root, graphs)
+        articulation = {"articulation": {"target": target, "handout": PART}}
+        placed = pose(None if prim is None else prim.local, stage.meters_per_unit)
+        name = root.rpartition("/")[2]
         count = sum(described["path"].rpartition("/")[2] == name for described in robots.values())
-        robots[f"{name}_{count + 1}" if count else name] = robot
+        robots[f"{name}_{count + 1}" if count else name] = {
+            "path": root,
+            "handout": PART,
+            "pose": {**placed, "handout": PART},
+            "pose_is_error_until": until,
+            **(articulation if is_articulation else {}),
+            "base_frame": base,
+            "links": {
+                link.path.removeprefix(f"{root}/"): _link(link, stage, root, base)
+                for link in _links(stage, root)
+            },
+        }
     return robots
 
 
 def has_robot(stage: StageModel, graphs: Iterable[GraphSpec]) -> bool:
     """Whether a stage has a robot that can be described."""
     return any(True for _ in _articulations(stage, graphs))
-
-
-def _robot(
-    stage: StageModel,
-    target: str,
-    graphs: tuple[GraphSpec, ...],
-    until: str,
-    *,
-    is_articulation: bool,
-) -> dict[str, Any]:
-    root = _root(stage, target)
-    prim = stage.prims.get(root)
-    local = None if prim is None else prim.local
-    base = _base(stage, target, root, graphs)
-    articulation = {"articulation": {"target": target, "handout": PART}}
-    return {
-        "path": root,
-        "handout": PART,
-        "pose": {**pose(local, stage.meters_per_unit), "handout": PART},
-        "pose_is_error_until": until,
-        **(articulation if is_articulation else {}),
-        "base_frame": base,
-        "links": {
-            link.path.removeprefix(f"{root}/"): _link(link, stage, root, base)
-            for link in _links(stage, root)
-        },
-    }
 
 
 def _articulations(stage: StageModel, graphs: Iterable[GraphSpec]) -> Iterator[tuple[str, bool]]:

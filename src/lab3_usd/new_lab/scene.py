@@ -196,12 +196,7 @@ def appearance_below(source: Source, lab: Lab) -> dict[str, list[str]]:
 
     `lab` is the described one, which does not name them yet.
     """
-    subject = StageSubject(
-        lab=lab,
-        checkpoint=source.lab.checkpoints[source.lab.last],
-        stage=source.stage,
-        roles={},
-    )
+    subject = _subject(source.stage, lab)
     names: dict[str, dict[str, None]] = {}
     for sensor in lab.sensors.values():
         prim = source.stage.prim(sensor.path)
@@ -249,7 +244,7 @@ def describe_scene(
             **data,
             **({"robots": {**robots, name: drafted}} if several else {"robot": drafted}),
         }
-        subject = _subject(stage, draft, lab)
+        subject = _subject(stage, replace(lab, scene=parse_scene(draft)))
         (own,) = (seen for seen in subject.robots if seen.robot.path == robot["path"])
         described = describe_wheels(own) if moved else {}
         if described:
@@ -261,18 +256,13 @@ def describe_scene(
         moving = describe_joints(stage, robot["path"], robot["links"], turning)
         if moving:
             robot["joints"] = moving
-    data["world"] |= dict(_world(_subject(stage, data, lab)))
+    data["world"] |= dict(_world(_subject(stage, replace(lab, scene=parse_scene(data)))))
     return data
 
 
-def _subject(stage: StageModel, scene: Mapping[str, Any], lab: Lab) -> StageSubject:
-    """Return what rules see of a stage by the description of its scene."""
-    return StageSubject(
-        lab=replace(lab, scene=parse_scene(scene)),
-        checkpoint=lab.checkpoints[lab.last],
-        stage=stage,
-        roles={},
-    )
+def _subject(stage: StageModel, lab: Lab) -> StageSubject:
+    """Return what rules see of a stage by a lab."""
+    return StageSubject(lab=lab, checkpoint=lab.checkpoints[lab.last], stage=stage, roles={})
 
 
 def _parent(

@@ -143,7 +143,7 @@ def _wall_agreements(
     start_x, start_y, _ = (0.0, 0.0, 0.0) if robot.pose is None else robot.pose.translate
     guesses = {"the world's": (0.0, 0.0), "the robot's start": (start_x, start_y)}
     for about, (x, y) in guesses.items():
-        corner = (facts.origin_x + x, facts.origin_y + y)
+        corner = (facts.origin[0] + x, facts.origin[1] + y)
         frame = MapFrame(facts.resolution, corner, facts.width, facts.height)
         drawn = _drawn(frame, cut.segments, cut.robot)
         yield Agreement(_agreement(grid, drawn.grid), f"with the origin at {about}")

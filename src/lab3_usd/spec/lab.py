@@ -155,11 +155,6 @@ class ForbiddenTransform(Struct, frozen=True, forbid_unknown_fields=True):
     nodes: tuple[str, ...]
     handout: str
 
-    @property
-    def edge(self) -> tuple[str, str]:
-        """Parent and child."""
-        return self.parent, self.child
-
 
 class LocalizationSpec(Struct, frozen=True, forbid_unknown_fields=True, rename={"since": "from"}):
     """The transform of localization, and the chain of frames that it completes."""
@@ -275,11 +270,7 @@ class FrameSpec(Struct, frozen=True, dict=True, forbid_unknown_fields=True):
 
     def is_forbidden(self, edge: tuple[str, str]) -> bool:
         """Whether nothing may publish this transform."""
-        return edge in self._forbidden_edges
-
-    @cached_property
-    def _forbidden_edges(self) -> frozenset[tuple[str, str]]:
-        return frozenset(entry.edge for entry in self.forbidden_transforms)
+        return any(edge == (entry.parent, entry.child) for entry in self.forbidden_transforms)
 
 
 class Lab(Struct, frozen=True, eq=False):

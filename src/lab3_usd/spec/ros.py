@@ -13,7 +13,7 @@ FROM_THE_FIRST = ""  # what names no checkpoint holds from the first on
 
 
 class MapFacts(Struct, frozen=True, forbid_unknown_fields=True):
-    """The map of the lab."""
+    """The map of the lab; `origin` is its lower left corner in metres, and its turn."""
 
     yaml: str
     image: str
@@ -26,16 +26,6 @@ class MapFacts(Struct, frozen=True, forbid_unknown_fields=True):
     width: int
     height: int
     handout: str
-
-    @property
-    def origin_x(self) -> float:
-        """X of the lower left corner, in metres."""
-        return self.origin[0]
-
-    @property
-    def origin_y(self) -> float:
-        """Y of the lower left corner, in metres."""
-        return self.origin[1]
 
 
 class TopicSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):

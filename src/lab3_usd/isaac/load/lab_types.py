@@ -15,10 +15,8 @@ from lab3_usd.isaac.load.graph_form import GraphEntry, attribute_over, graph_for
 from lab3_usd.isaac.load.node_types import TypeEntry, parse_types, type_over
 from lab3_usd.isaac.load.platform import (
     EventEntry,
-    deltas_of,
     other_ports,
     other_types,
-    stages_of,
     transform_messages,
 )
 from lab3_usd.isaac.names import Names, OtherName
@@ -101,8 +99,11 @@ def with_lab_types(platform: Platform, data: Mapping[str, Any], file: str) -> Pl
         graph=_graph_over(platform.graph, data.get("graph", {}), file),
         names=_names_over(platform.names, content, types, file),
         lookalikes={**platform.lookalikes, **content.lookalikes},
-        events={**platform.events, **stages_of(events)},
-        deltas={**platform.deltas, **deltas_of(events)},
+        events={**platform.events, **{name: event.stage for name, event in events.items()}},
+        deltas={
+            **platform.deltas,
+            **{name: event.delta for name, event in events.items() if event.delta},
+        },
         once={**platform.once, **content.once},
         gates={**platform.gates, **content.gates},
         scripts=content.scripts or platform.scripts,

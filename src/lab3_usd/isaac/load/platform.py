@@ -48,16 +48,6 @@ class _SystemFile(GraphRuns, frozen=True, forbid_unknown_fields=True):
     types: dict[str, Any]
 
 
-def stages_of(events: Mapping[str, EventEntry]) -> dict[str, str]:
-    """Return the pipeline stage of each event."""
-    return {name: event.stage for name, event in events.items()}
-
-
-def deltas_of(events: Mapping[str, EventEntry]) -> dict[str, str]:
-    """Return the output with the length of a step, of the events that have one."""
-    return {name: event.delta for name, event in events.items() if event.delta}
-
-
 def transform_messages(types: Mapping[str, NodeType]) -> frozenset[str]:
     """Return the types of the messages that nodes which publish transforms send."""
     senders = (kind for kind in types.values() if kind.tf and kind.role)
@@ -191,8 +181,11 @@ def assemble_platform(folder: Path) -> Platform:
         ),
         changes=_changes_of(folder, types, releases),
         **{name: getattr(system, name) for name in GraphRuns.__struct_fields__},
-        events={**dict.fromkeys(kit.events, ""), **stages_of(system.events)},
-        deltas=deltas_of(system.events),
+        events={
+            **dict.fromkeys(kit.events, ""),
+            **{name: event.stage for name, event in system.events.items()},
+        },
+        deltas={name: event.delta for name, event in system.events.items() if event.delta},
         ros=read_record(folder / "ros.yaml", RosNames),
         transform_messages=transform_messages(types),
         needs=_needs(folder, types, releases),

@@ -25,7 +25,7 @@ from lab3_usd.isaac.graph import (
     refuse_second_sources,
 )
 from lab3_usd.isaac.messages import with_message
-from lab3_usd.isaac.node_types import INPUT, Port
+from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import is_known_type, typed_value
 from lab3_usd.spec.graph import EarlierValues, GraphSpec, NodeSpec, Setting, Target, Variable, Wire
@@ -67,18 +67,6 @@ class NodeEntry(Struct, forbid_unknown_fields=True, rename={"since": "from"}):
     since: str = ""
     until: dict[str, EarlierEntry] = {}
     literal: bool = False
-
-    def named_ports(self) -> Iterator[str]:
-        """Yield every input that the entry names, whatever for."""
-        for by_section in (self.set, self.targets):
-            for name, inner in by_section.items():
-                yield from inner if isinstance(inner, dict) else (name,)
-        for _, names in _sections(self.keep, ""):
-            yield from names
-        yield from self.ports
-        yield from self.frames_from
-        for earlier in self.until.values():
-            yield from (*earlier.set, *earlier.targets)
 
 
 class VariableEntry(Struct, forbid_unknown_fields=True):
@@ -199,21 +187,26 @@ def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: 
             raise GraphError(f"'{entry.type}' is not a node type")
         written = {INPUT + short: value for _, short, value in _flat(entry.set, section)}
         node_type = with_message(node_type, written)
-        ports = {short: input_of(node_type, short) for short in entry.named_ports()}
         added = checked_added(node_type, entry.ports)
-        for short in entry.frames_from:
-            if not ports[short].is_target:
-                raise GraphError(f"{ports[short].name}: is not a relationship, it gives no frames")
-        settings = tuple(_settings(entry.set, ports, section))
-        targets = tuple(_targets(entry.targets, ports, section))
+        frames_from = [input_of(node_type, short) for short in entry.frames_from]
+        for port in frames_from:
+            if not port.is_target:
+                raise GraphError(f"{port.name}: is not a relationship, it gives no frames")
+        settings = tuple(_settings(entry.set, node_type, section))
+        targets = tuple(_targets(entry.targets, node_type, section))
+        keep = tuple(
+            (input_of(node_type, short).name, named)
+            for named, names in _sections(entry.keep, section)
+            for short in names
+        )
         ports_set = [*(setting.port for setting in settings), *(target.port for target in targets)]
-        for port, count in Counter(ports_set).items():
+        for name, count in Counter(ports_set).items():
             if count > 1:
-                raise GraphError(f"{port} is set twice")
+                raise GraphError(f"{name} is set twice")
         until = {
             checkpoint: EarlierValues(
-                tuple(_settings(earlier.set, ports, section)),
-                tuple(_targets(earlier.targets, ports, section)),
+                tuple(_settings(earlier.set, node_type, section)),
+                tuple(_targets(earlier.targets, node_type, section)),
             )
             for checkpoint, earlier in entry.until.items()
         }
@@ -224,29 +217,25 @@ def _node(role: str, entry: NodeEntry, platform: Platform, graph: str, section: 
         handout=section,
         settings=settings,
         targets=targets,
-        keep=tuple(
-            (INPUT + short, named)
-            for named, names in _sections(entry.keep, section)
-            for short in names
-        ),
+        keep=keep,
         grown=added,
-        frames_from=tuple(INPUT + short for short in entry.frames_from),
+        frames_from=tuple(port.name for port in frames_from),
         since=entry.since,
         until=until,
         literal=entry.literal,
     )
 
 
-def _settings(
-    values: Mapping[str, Any], ports: Mapping[str, Port], section: str
-) -> Iterator[Setting]:
+def _settings(values: Mapping[str, Any], kind: NodeType, section: str) -> Iterator[Setting]:
     for named, short, value in _flat(values, section):
-        yield Setting(ports[short].name, checked_value(ports[short], value), named)
+        port = input_of(kind, short)
+        yield Setting(port.name, checked_value(port, value), named)
 
 
-def _targets(aims: Mapping[str, Any], ports: Mapping[str, Port], section: str) -> Iterator[Target]:
+def _targets(aims: Mapping[str, Any], kind: NodeType, section: str) -> Iterator[Target]:
     for named, short, prims in _flat(aims, section):
-        yield Target(ports[short].name, checked_targets(ports[short], prims), named)
+        port = input_of(kind, short)
+        yield Target(port.name, checked_targets(port, prims), named)
 
 
 def _wires(
