@@ -76,13 +76,16 @@ def _is_in(stage: StageModel, path: str) -> bool:
 
 
 def with_changes(
-    text: GraphText, earlier: Mapping[str, GraphModel], last: str, lab: Lab
+    text: GraphText, held: Sequence[Mapping[str, GraphModel]], ids: Sequence[str], lab: Lab
 ) -> GraphText:
-    """Return a graph with what earlier stages have otherwise.
+    """Return a graph with what the stages before the last one with it have otherwise.
 
-    `earlier` are its graphs in the stages before the one that it is described after, by checkpoint,
-    `last` is the checkpoint of that one.
+    `held` are the graphs of each stage by path, `ids` its checkpoint.
     """
+    path = text.spec.path
+    earlier = {id_: graphs[path] for id_, graphs in zip(ids, held, strict=True) if path in graphs}
+    last = [*earlier][-1]
+    del earlier[last]
     if not earlier:
         return text
     stages = {

@@ -169,13 +169,14 @@ def _parts(sources: Sequence[Source]) -> _Parts:
     graphs = {text.spec.name: text.spec for text in texts}
     stems = [source.stem for source in sources]
     names = names_of_stages(stems) if len(stems) > 1 else file_names(source.stem, graphs)
-    texts = tuple(_with_changes(text, held, names, source.lab) for text in texts)
+    stage_ids = names.ids[-len(sources) :]
+    texts = tuple(with_changes(text, held, stage_ids, source.lab) for text in texts)
     graphs = {text.spec.name: text.spec for text in texts}
     # A stage tells of the scene that has all of its assets, and a robot where the last one has one.
     needs_robot = has_robot(stage, graphs.values())
     scenes = {
         id_: describe_scene(each.stage, sources[0].stage, graphs, source.lab, names.ids[-1])
-        for id_, each in zip(names.ids[-len(sources) :], sources, strict=True)
+        for id_, each in zip(stage_ids, sources, strict=True)
         if each is source
         or (
             not each.stage.unresolved
@@ -189,7 +190,7 @@ def _parts(sources: Sequence[Source]) -> _Parts:
         id_: describe_sensors(
             each, dict.fromkeys((prim.path for prim in each.sensors), "") | sections
         ).values()
-        for id_, each in zip(names.ids[-len(sources) :], sources[:-1], strict=False)
+        for id_, each in zip(stage_ids, sources[:-1], strict=False)
     }
     sensors, changing = steady_sensors(describe_sensors(source, sections), sensors_at)
     scene |= {"sensors": sensors} if sensors else {}
@@ -240,21 +241,6 @@ def _props(paths: Sequence[Path], parts: _Parts, described: Collection[str]) -> 
     }
     optional = [ids[number] for number in parts.optional]
     return describe_props(things, optional, whole=not (lab.scene.robots or lab.graphs))
-
-
-def _with_changes(
-    text: GraphText, held: Sequence[Mapping[str, GraphModel]], names: FileNames, lab: Lab
-) -> GraphText:
-    """Return a graph with what the stages before the last one with it have otherwise."""
-    ids = names.ids[-len(held) :]
-    there = {
-        id_: graphs[text.spec.path]
-        for id_, graphs in zip(ids, held, strict=True)
-        if text.spec.path in graphs
-    }
-    last = [*there][-1]
-    del there[last]
-    return with_changes(text, there, last, lab)
 
 
 def _first_stages(

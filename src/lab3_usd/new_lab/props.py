@@ -77,10 +77,11 @@ def _state(thing: Thing) -> dict[str, Any]:
         for name, (kind, value) in thing.values.items()
     }
     apis = {api: True for api in thing.apis if api != _BINDING_API}
-    place = None if thing.place is None or _BODY in apis or is_plain else thing.place
+    has_place = thing.place is not None and _BODY not in apis and not is_plain
+    place = [as_typed(round(value, _DIGITS) + 0.0) for value in thing.place or () if has_place]
     turn = vector(thing.values[TURN][1]) if TURN in thing.values else ()
     values.pop(TURN, None)
-    if turn and place is not None:  # before the scale, as operations of a pose are in order
+    if turn and has_place:  # before the scale, as operations of a pose are in order
         values = {TURN: [as_typed(round(angle, _DIGITS) + 0.0) for angle in turn], **values}
     asset = _ABOVE.sub("", next(iter(thing.assets), ""))
     state = {
@@ -88,7 +89,7 @@ def _state(thing: Thing) -> dict[str, Any]:
         "set": values,
         "targets": {name: list(paths) for name, paths in thing.targets.items() if paths},
         "variants": thing.variants,
-        "place": _place(place),
+        "place": dict(zip("xyz", place, strict=False)),
     }
     is_said = not is_plain or any(state.values())
     whole = {
@@ -130,13 +131,6 @@ def _by_start(states: Mapping[str, dict[str, Any]]) -> dict[str, dict[str, dict[
             for id_, state in [*states.items()][number:]
         }
     return by_start
-
-
-def _place(origin: Sequence[float] | None) -> dict[str, float]:
-    if origin is None:
-        return {}
-    axes = zip("xyz", origin, strict=True)
-    return {axis: as_typed(round(value, _DIGITS) + 0.0) for axis, value in axes}
 
 
 def _described(
@@ -201,7 +195,8 @@ def _grouped(
     for (path, since), data in described.items():
         whole.setdefault(path, {})[since] = _of_group(data)
     patterns = {"": ""}  # of each path, what it is written as
-    for level in _levels(paths):
+    for depth in sorted({path.count("/") for path in paths}):  # parents first
+        level = sorted(path for path in paths if path.count("/") == depth)
         twins: dict[tuple[str, str], list[str]] = {}
         for path in level:
             parent, _, name = path.rpartition("/")
@@ -229,14 +224,6 @@ def _grouped(
             data = {**(owns[0] if is_alike else _of_group(data)), **counted}
         grouped[pattern, since] = data
     return grouped
-
-
-def _levels(paths: Collection[str]) -> list[list[str]]:
-    """Return the paths by their depth, parents first."""
-    depths: dict[int, list[str]] = {}
-    for path in paths:
-        depths.setdefault(path.count("/"), []).append(path)
-    return [sorted(depths[depth]) for depth in sorted(depths)]
 
 
 _PLACE = ("place", "")  # key and name of a part

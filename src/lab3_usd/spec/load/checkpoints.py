@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
+from string import Formatter
 from typing import Any, ClassVar
 
 from msgspec import Struct
@@ -20,11 +21,10 @@ from lab3_usd.spec.lab import (
     Removal,
 )
 from lab3_usd.spec.scene import SensorSpec
-from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import as_record
 
 FORMAT = 1  # of the files of a lab; what is older than that has no number
-_PLACEHOLDERS = ("{id}", "{name}", TEAM)
+_PLACEHOLDERS = ("id", "name", "team")
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _REFERENCES = frozenset({"from", "pose_is_error_until"})  # keys whose values name a checkpoint
 _UNTIL = "until"  # the key whose own keys do
@@ -136,13 +136,7 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     if "{id}" not in content.files:
         wrong = f"'{content.files}' does not contain {{id}}, which distinguishes stages"
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
-    for placeholder in re.findall(r"\{[^}]*\}?", content.files):
-        if placeholder not in _PLACEHOLDERS:
-            placeholders = ", ".join(_PLACEHOLDERS)
-            wrong = (
-                f"'{placeholder}' is not a placeholder: no file can match; known are {placeholders}"
-            )
-            raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
+    refuse_placeholders(content.files, _PLACEHOLDERS, f"{CHECKPOINTS}: files")
     frames = content.frames.joined if content.frames.trees else content.frames
     entries = _entries(content.checkpoints)
     ids = {key: entry.id or key for key, entry in entries.items()}
@@ -153,6 +147,22 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     return CheckpointFile(
         content.title, content.files, entries, ids, content.policy, frames, content.handout
     )
+
+
+def refuse_placeholders(text: str, allowed: tuple[str, ...], where: str) -> None:
+    """Refuse what is written like a placeholder and is none.
+
+    Raises:
+        SpecError: there is one; the line opens with `where`.
+    """
+    try:
+        placeholders = [name for _, name, _, _ in Formatter().parse(text) if name is not None]
+    except ValueError as error:
+        raise SpecError(f"{where}: {error}") from error
+    for name in placeholders:
+        if name not in allowed:
+            listed = ", ".join(f"{{{each}}}" for each in allowed)
+            raise SpecError(f"{where}: '{{{name}}}' is not a placeholder; known are {listed}")
 
 
 def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:
