@@ -294,9 +294,10 @@ def _one_line(error: Exception) -> str:
 def _fail(message: str, status: int, kind: Literal["usage", "crash"]) -> NoReturn:
     click.echo(f"{program()}: {message}", err=True)
     if _json_asked_for(sys.argv[1:]):
-        from lab3_usd.report.formats.json_report import dump, error_report
+        from lab3_usd.report.formats.json_report import error_report
+        from lab3_usd.report.safe_text import json_text
 
-        click.echo(dump(error_report(message, kind)), nl=False)
+        click.echo(json_text(error_report(message, kind), 2), nl=False)
     sys.exit(status)
 
 

@@ -72,7 +72,7 @@ def read_yaml(path: Path) -> dict[str, Any]:
     Raises:
         SpecError: the file is missing, is not YAML, holds a wrong key, or is no mapping.
     """
-    return _read(path, path.read_bytes, _loaded)
+    return _read(path, path.read_bytes)
 
 
 def read_foreign_yaml(path: Path) -> dict[str, Any]:
@@ -81,26 +81,17 @@ def read_foreign_yaml(path: Path) -> dict[str, Any]:
     Raises:
         SpecError: as `read_yaml`, or the file is larger than a megabyte, or nested too deeply.
     """
-    return _read(path, lambda: _bounded(path), _loaded_unless_deep)
 
+    def bounded() -> bytes:
+        if path.exists() and not path.is_file():
+            raise SpecError(f"{path.name}: is not a file")
+        with path.open("rb") as file:
+            text = file.read(_MEGABYTE + 1)
+        if len(text) > _MEGABYTE:
+            raise SpecError(f"{path.name}: is larger than {_MEGABYTE} bytes")
+        return text
 
-def _bounded(path: Path) -> bytes:
-    if path.exists() and not path.is_file():
-        raise SpecError(f"{path.name}: is not a file")
-    with path.open("rb") as file:
-        text = file.read(_MEGABYTE + 1)
-    if len(text) > _MEGABYTE:
-        raise SpecError(f"{path.name}: is larger than {_MEGABYTE} bytes")
-    return text
-
-
-def _loaded(text: bytes) -> Any:
-    return yaml.load(text, Loader=_UniqueKeys)  # noqa: S506 - a safe loader
-
-
-def _loaded_unless_deep(text: bytes) -> Any:
-    refuse_deep(text)
-    return _loaded(text)
+    return _read(path, bounded, refuse_deep)
 
 
 def refuse_deep(text: bytes) -> None:
@@ -119,11 +110,14 @@ def refuse_deep(text: bytes) -> None:
             raise yaml.MarkedYAMLError(problem=problem, problem_mark=event.start_mark)
 
 
-def _read(path: Path, content: Callable[[], bytes], load: Callable[[bytes], Any]) -> dict[str, Any]:
+def _read(
+    path: Path, content: Callable[[], bytes], check: Callable[[bytes], None] = lambda _: None
+) -> dict[str, Any]:
     text = b""
     try:
         text = content()
-        data = load(text)
+        check(text)
+        data = yaml.load(text, Loader=_UniqueKeys)  # noqa: S506 - a safe loader
     except OSError as error:
         raise SpecError(
             f"{path.name}: cannot be read ({error.strerror}); expected at {path}"
@@ -242,7 +236,7 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:
             if field.required and name not in data:
                 return [], f"'{name}' is missing"
     for name, value, inner in _inside(data, kind):
-        if not _fits(value, inner):
+        if _refusal(value, inner):
             names, fault = _fault(value, inner)
             return [name, *names], fault
     if _is_record(kind) and isinstance(data, dict):
@@ -252,12 +246,12 @@ def _fault(data: Any, kind: Any) -> tuple[list[str], str]:
 
 
 def _refusal(data: Any, kind: Any) -> str:
-    """Return why a record refuses values that are each of the right type."""
+    """Return why data is not of a type, in the words of msgspec; '' where it is."""
     try:
         msgspec.convert(data, kind, dec_hook=_parse)
     except msgspec.ValidationError as error:
         return str(error).partition(" - at `")[0]
-    return "is refused"
+    return ""
 
 
 def _unknown_key(key: Any, kind: Any, keys: Iterable[str]) -> str:
@@ -309,14 +303,6 @@ def _inside(data: Any, kind: Any) -> Iterator[tuple[str, Any, Any]]:
             for number, value in enumerate(data):
                 fixed = inner[number] if inner[-1] is not ... and len(inner) > 1 else inner[0]
                 yield f"{_ENTRY}{number + 1}", value, fixed
-
-
-def _fits(value: Any, kind: Any) -> bool:
-    try:
-        msgspec.convert(value, kind, dec_hook=_parse)
-    except msgspec.ValidationError:
-        return False
-    return True
 
 
 def _called(kind: Any) -> str:

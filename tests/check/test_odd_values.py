@@ -19,7 +19,8 @@ from lab3_usd.deliverables.maps import MapError, read_pgm
 from lab3_usd.deliverables.nav2_templates import PARAMS_FILE, nav2_files
 from lab3_usd.deliverables.plain_yaml import load_plain
 from lab3_usd.model.finding import Report
-from lab3_usd.report.formats.json_report import dump, report_json
+from lab3_usd.report.formats.json_report import report_json
+from lab3_usd.report.safe_text import json_text
 from lab3_usd.spec.load.loader import load_lab
 
 ROS = load_lab().ros
@@ -127,7 +128,7 @@ def judged(
         found = checked(folder)
     assert found.submission.crashes == ()
     assert [crash for result in found.results for crash in result.crashes] == []
-    dump(report_json(Report(found.results, (found.submission,)))).encode()
+    json_text(report_json(Report(found.results, (found.submission,))), 2).encode()
     said: dict[str, list[str]] = {}
     for finding in found.submission.findings:
         said.setdefault(finding.rule, []).append(finding.message)

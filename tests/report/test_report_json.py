@@ -22,9 +22,10 @@ from report_examples import (
 )
 
 from lab3_usd.model.finding import Report, Requirement, StageResult
-from lab3_usd.report.formats.json_report import dump, error_report, report_json
+from lab3_usd.report.formats.json_report import error_report, report_json
 from lab3_usd.report.formats.registry import render
 from lab3_usd.report.options import Options
+from lab3_usd.report.safe_text import json_text
 
 
 def test_the_schema_is_a_schema() -> None:
@@ -41,7 +42,7 @@ def test_an_empty_report_is_valid() -> None:
 
 @pytest.mark.parametrize("kind", ["usage", "crash"])
 def test_a_run_that_failed_is_a_report_too(kind: Any) -> None:
-    report = assert_valid(dump(error_report("no such file: x.usda", kind)))
+    report = assert_valid(json_text(error_report("no such file: x.usda", kind), 2))
     assert report["error"] == {"kind": kind, "message": "no such file: x.usda"}
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Iterator
 from contextlib import suppress
 from functools import lru_cache
 from pathlib import Path
@@ -191,32 +191,17 @@ def judge_saved_outputs(
     return run_family("evidence", "E", subject, lab)
 
 
-def map_findings(maps: Path, lab: Lab) -> tuple[Finding, ...]:
-    """Return what is wrong with the map of a folder, for the report of a single stage."""
+def map_findings(maps: Path | None, lab: Lab) -> Iterator[Finding]:
+    """Yield what is wrong with the map of a folder, for the report of a stage that needs it.
+
+    Without a folder, that is the note that the stage was checked without its map. The sites are
+    those of a stage, whose layer is the file.
+    """
     facts = lab.scene.map
     if facts is None:
-        return ()
-    judged = run_family("maps", "M", map_subject(find_map(maps, facts), facts), lab)
-    return tuple(_at_stage(judged.findings, maps))
-
-
-def lone_stage_notes(checkpoint: str, lab: Lab) -> tuple[Finding, ...]:
-    """Return the note that a stage of localization or navigation was checked without its map."""
-    facts = lab.scene.map
-    if facts is None or not lab.checkpoints[checkpoint].localization:
-        return ()
-    judged = run_family("maps", "M", map_subject(None, facts), lab)
-    return tuple(_at_stage(judged.findings, None))
-
-
-def _at_stage(findings: Iterable[Finding], maps: Path | None) -> Iterable[Finding]:
-    """Yield findings about files as findings about a stage, whose sites are prims."""
-    for finding in findings:
-        layer = str(maps / finding.prim) if maps is not None else None
-        yield replace(
-            finding,
-            prim="/",
-            property=None,
-            layer=layer,
-            message=f"{finding.prim}: {finding.message}",
-        )
+        return
+    path = None if maps is None else find_map(maps, facts)
+    for finding in run_family("maps", "M", map_subject(path, facts), lab).findings:
+        layer = None if maps is None else str(maps / finding.prim)
+        message = f"{finding.prim}: {finding.message}"
+        yield replace(finding, prim="/", property=None, layer=layer, message=message)

@@ -206,14 +206,10 @@ def judge_target(settings: JudgeSettings, target: Target) -> Results:
         lab = lab_of_team(lab, [(target.path, checkpoint)])
         result = judge_stage(target.path, settings, (lab, checkpoint))
         if lab.checkpoints[checkpoint].localization:
-            from lab3_usd.pipeline.deliverables import lone_stage_notes, map_findings
+            from lab3_usd.pipeline.deliverables import map_findings
 
-            about_maps = (
-                lone_stage_notes(checkpoint, lab)
-                if settings.maps is None
-                else map_findings(settings.maps, lab)
-            )
-            result = with_findings(result, (*result.findings, *about_maps))
+            about_map = map_findings(settings.maps, lab)
+            result = with_findings(result, (*result.findings, *about_map))
     except (Lab3Error, MemoryError):
         raise
     except Exception as error:  # noqa: BLE001 - whatever it is, the other targets are judged

@@ -96,6 +96,7 @@ def truncated_values(document: Any) -> Any:
 def json_text(document: object, indent: int) -> str:
     """Return a document as JSON in ASCII, each step indented by so many spaces; a line end last.
 
+    So any console can print it, and a path that is no valid Unicode comes back as it was given.
     It is laid out as `json.dumps` does, in an eighth of its time.
     """
     text = json.dumps(document)

@@ -25,16 +25,7 @@ Json = dict[str, Any]
 def render(report: Report, rules: Rules | None, options: Options) -> str:
     """Return the report as indented JSON in ASCII; verbose adds the requirements."""
     del rules
-    return dump(report_json(report, requirements=options.verbosity == "verbose"))
-
-
-def dump(document: Json) -> str:
-    """Return a document as JSON text.
-
-    ASCII, so that any console can print it and a path that is no valid Unicode comes back as it
-    was given.
-    """
-    return json_text(document, 2)
+    return json_text(report_json(report, requirements=options.verbosity == "verbose"), 2)
 
 
 def report_json(report: Report, *, requirements: bool = False) -> Json:
