@@ -22,29 +22,19 @@ _OF_THE_CORE: dict[str, Command] = {
     "fix": Command(
         "any Isaac Sim stage",
         "Repair the findings of lint or of a check.",
-        (
-            "lab3 fix STAGE.usda --diff",
-            "lab3 fix work --in-place",
-        ),
+        ("lab3 fix STAGE.usda --diff", "lab3 fix work --in-place"),
         "lab3_usd.commands.fix",
     ),
     "rules": Command(
         "any Isaac Sim stage",
         "List all rules.",
-        (
-            "lab3 rules",
-            "lab3 rules --all",
-        ),
+        ("lab3 rules", "lab3 rules --all"),
         "lab3_usd.commands.rules",
     ),
     "rule": Command(
         "any Isaac Sim stage",
         "Explain one rule.",
-        (
-            "lab3 rule W01",
-            "lab3 rule wire",
-            "lab3 rule --all",
-        ),
+        ("lab3 rule W01", "lab3 rule wire", "lab3 rule --all"),
         "lab3_usd.commands.rule",
     ),
     "check": Command(
@@ -60,10 +50,7 @@ _OF_THE_CORE: dict[str, Command] = {
     "build": Command(
         "course authors",
         "Build the stages of the checkpoints from a starter scene.",
-        (
-            "lab3 build --output stages",
-            "lab3 build starter.usda --output stages --through 02",
-        ),
+        ("lab3 build --output stages", "lab3 build starter.usda --output stages --through 02"),
         "lab3_usd.commands.build",
     ),
     "starter": Command(
@@ -75,28 +62,19 @@ _OF_THE_CORE: dict[str, Command] = {
     "demo": Command(
         "this installation",
         "Write example stages to try the program with.",
-        (
-            "lab3 demo",
-            "lab3 demo somewhere",
-        ),
+        ("lab3 demo", "lab3 demo somewhere"),
         "lab3_usd.commands.demo",
     ),
     "config": Command(
         "this installation",
         "Print the effective configuration and its sources.",
-        (
-            "lab3 config",
-            "lab3 config STAGE.usda",
-        ),
+        ("lab3 config", "lab3 config STAGE.usda"),
         "lab3_usd.commands.config",
     ),
     "completion": Command(
         "this installation",
         "Print the shell completion script.",
-        (
-            "lab3 completion bash",
-            "lab3 completion powershell",
-        ),
+        ("lab3 completion bash", "lab3 completion powershell"),
         "lab3_usd.commands.completion",
     ),
 }

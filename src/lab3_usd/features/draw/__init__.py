@@ -7,19 +7,13 @@ FEATURE = Feature(
         "draw": Command(
             "any Isaac Sim stage",
             "Draw Action Graphs and the TF tree.",
-            (
-                "lab3 draw STAGE.usda -o pictures",
-                "lab3 draw ROS_Drive -o pictures",
-            ),
+            ("lab3 draw STAGE.usda -o pictures", "lab3 draw ROS_Drive -o pictures"),
             "lab3_usd.features.draw.draw",
         ),
         "tf": Command(
             "any Isaac Sim stage",
             "Print the TF tree that a stage publishes.",
-            (
-                "lab3 tf STAGE.usda -v",
-                "lab3 tf STAGE.usda --graph tree.svg",
-            ),
+            ("lab3 tf STAGE.usda -v", "lab3 tf STAGE.usda --graph tree.svg"),
             "lab3_usd.features.draw.tf",
         ),
         "topics": Command(

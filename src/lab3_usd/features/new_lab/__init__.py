@@ -7,10 +7,7 @@ FEATURE = Feature(
         "lab": Command(
             "course authors",
             "Check the description of a lab, or write one from its stages.",
-            (
-                "lab3 lab new mylab solutions",
-                "lab3 lab check mylab",
-            ),
+            ("lab3 lab new mylab solutions", "lab3 lab check mylab"),
             "lab3_usd.features.new_lab.lab",
         ),
     },
