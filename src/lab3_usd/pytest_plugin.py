@@ -120,12 +120,10 @@ def pytest_collect_file(file_path: Path, parent: pytest.Collector) -> pytest.Col
     configuration = _configuration(parent.config, "--lab3", file_path)
     if configuration is None:
         return None
-    from lab3_usd.config.settings import matching
-    from lab3_usd.pipeline.stage import checkpoint_of
+    from lab3_usd.pipeline.stage import JudgeSettings, known_checkpoint
     from lab3_usd.spec.load.loader import load_lab
 
-    configured = next(matching(configuration.checkpoints, str(file_path), configuration), None)
-    if configured is None and checkpoint_of(file_path.name, load_lab()) is None:
+    if known_checkpoint(str(file_path), JudgeSettings(config=configuration), load_lab()) is None:
         return None
     return CheckpointFile.from_parent(parent, path=file_path)
 

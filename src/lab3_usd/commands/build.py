@@ -8,7 +8,6 @@ from pathlib import Path
 import click
 
 from lab3_usd.commands.shared.options import (
-    checkpoint_number,
     complete_checkpoints,
     echo,
     written_folder,
@@ -86,6 +85,8 @@ def _numbers(numbers: list[str], through: str | None, only: str | None) -> list[
     chosen = only if only is not None else through
     if chosen is None:
         return numbers
+    from lab3_usd.pipeline.stage import checkpoint_number
+
     number = checkpoint_number(chosen, numbers)
     return [number] if only is not None else numbers[: numbers.index(number) + 1]
 

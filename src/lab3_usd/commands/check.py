@@ -179,10 +179,9 @@ def _judge(shared: tuple[str, ...], asked: CheckOptions, reporting: Reporting) -
         UsageError: the checkpoint is unknown, or usd-core has no validators.
     """
     from lab3_usd.commands.shared.judging import Judge
-    from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.commands.shared.reporting import GRADESCOPE, wants_native
     from lab3_usd.pipeline import entries
-    from lab3_usd.pipeline.stage import JudgeSettings
+    from lab3_usd.pipeline.stage import JudgeSettings, checkpoint_number
     from lab3_usd.spec.load.loader import load_lab
 
     number, starter, maps = asked.checkpoint, asked.starter, asked.maps

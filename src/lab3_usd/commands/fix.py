@@ -20,7 +20,6 @@ from lab3_usd.commands.shared.configuration import (
 )
 from lab3_usd.commands.shared.options import (
     assets_option,
-    checkpoint_number,
     checkpoint_option,
     echo_folded,
     given_words,
@@ -46,9 +45,8 @@ from lab3_usd.fix.repairing import USELESS, Fixed, FixOptions, check_result, fix
 from lab3_usd.installation import command_line
 from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import Finding, site_of
-from lab3_usd.pipeline.entries import checkpoint_at, known_checkpoint
 from lab3_usd.pipeline.entries import find_stages as find_linted
-from lab3_usd.pipeline.stage import JudgeSettings
+from lab3_usd.pipeline.stage import JudgeSettings, checkpoint_at, known_checkpoint
 from lab3_usd.report.entries import site
 from lab3_usd.report.safe_text import visible
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
@@ -157,9 +155,9 @@ def _fix(stage: Path, repair: RepairOptions, writing: WritingOptions, config: Co
     elif repair.lint:
         fixed = fix_linted(stage, repair.release or BASE, settings, repair.moved_from or "")
     else:
-        lab, number = load_lab(), repair.checkpoint
-        given = None if number is None else checkpoint_number(number, lab.checkpoints)
-        checkpoint = checkpoint_at(str(stage), JudgeSettings(checkpoint=given, config=config), lab)
+        lab = load_lab()
+        given = JudgeSettings(checkpoint=repair.checkpoint, config=config)
+        checkpoint = checkpoint_at(str(stage), given, lab)
         lab = lab_of_team(lab, [(str(stage), checkpoint)])
         fixed = fix_stage(stage, checkpoint, lab, settings)
     if writing.diff:

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from msgspec.structs import replace
 
-from lab3_usd.config.settings import Config, matching
+from lab3_usd.config.settings import Config
 from lab3_usd.data import program
 from lab3_usd.errors import Lab3Error, StageError, UsageError, failure_text
 from lab3_usd.files import is_script_file
@@ -24,8 +24,12 @@ from lab3_usd.pipeline.results import (
     is_stage_file,
     with_findings,
 )
-from lab3_usd.pipeline.stage import JudgeSettings, checkpoint_of, judge_stage
-from lab3_usd.spec.lab import Lab
+from lab3_usd.pipeline.stage import (
+    JudgeSettings,
+    checkpoint_at,
+    judge_stage,
+    known_checkpoint,
+)
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
 
 
@@ -118,42 +122,6 @@ def _elsewhere(folder: Path) -> str:
 
 
 _NAMED = 3  # folders
-
-
-def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
-    """Return the checkpoint to judge a file at.
-
-    Raises:
-        UsageError: neither settings nor name give one.
-    """
-    checkpoint = known_checkpoint(path, settings, lab)
-    if checkpoint is not None and checkpoint not in lab.checkpoints:
-        raise UsageError(f"{settings.config.file}: there is no checkpoint '{checkpoint}' ({path})")
-    if checkpoint is None and _is_archive(path):
-        judging = f"{program()} check --untrusted --starter FILE judges it"
-        raise UsageError(f"{path}: is an archive; {judging}, {program()} grade a class")
-    if checkpoint is None:
-        raise UsageError(
-            f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
-            f"give one with --checkpoint, or use {program()} lint, or fix --lint, which need none"
-        )
-    return checkpoint
-
-
-def _is_archive(path: str) -> bool:
-    """Whether a file is a zip or tar and no stage, which may be packed as well."""
-    import tarfile
-    import zipfile
-
-    if is_stage_file(Path(path).name) or not Path(path).is_file():
-        return False
-    return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
-
-
-def known_checkpoint(path: str, settings: JudgeSettings, lab: Lab) -> str | None:
-    """Return the checkpoint that settings, configuration or name give a file."""
-    configured = next(matching(settings.config.checkpoints, path, settings.config), None)
-    return settings.checkpoint or configured or checkpoint_of(Path(path).name, lab)
 
 
 def judge_all(settings: JudgeSettings, targets: Sequence[Target], jobs: int) -> Iterator[Results]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.rule_runs import RuleResults, run_family
-from lab3_usd.config.settings import Config
+from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
 from lab3_usd.errors import StageError, UsageError
 from lab3_usd.files import is_script_file
@@ -18,6 +19,7 @@ from lab3_usd.isaac.releases import BASE
 from lab3_usd.model.finding import StageResult, ordered
 from lab3_usd.pipeline.any_stage import lint_platform, lint_subject, scene_at
 from lab3_usd.pipeline.results import (
+    is_stage_file,
     located_findings,
     scopes_run,
     unreadable_result,
@@ -62,9 +64,70 @@ class JudgeSettings(Struct, frozen=True):
     scene: str = ""
 
 
-def checkpoint_of(name: str, lab: Lab) -> str | None:
-    """Return the checkpoint that a file name begins with (`Lab3_03...`), else None."""
+def checkpoint_of(name: str, lab: Lab, given: str | None = None) -> str | None:
+    """Return the checkpoint that is given, else the one that a file name begins with, else None.
+
+    Raises:
+        UsageError: there is no such checkpoint.
+    """
+    if given is not None:
+        return checkpoint_number(given, lab.checkpoints)
     return named_checkpoint(name, lab.files)
+
+
+def checkpoint_number(given: str, numbers: Collection[str]) -> str:
+    """Return the number of a checkpoint as the lab writes it: `2` is `02`.
+
+    Raises:
+        UsageError: there is no such checkpoint; the line lists those there are.
+    """
+    alike = (
+        checkpoint
+        for checkpoint in numbers
+        if checkpoint.isdecimal() and given.isdecimal() and int(checkpoint) == int(given)
+    )
+    number = given if given in numbers else next(alike, given)
+    if number not in numbers:
+        raise UsageError(f"there is no checkpoint '{given}'; known are {', '.join(numbers)}")
+    return number
+
+
+def checkpoint_at(path: str, settings: JudgeSettings, lab: Lab) -> str:
+    """Return the checkpoint to judge a file at.
+
+    Raises:
+        UsageError: neither settings nor name give one, or it is unknown.
+    """
+    checkpoint = known_checkpoint(path, settings, lab)
+    if checkpoint is not None and checkpoint not in lab.checkpoints:
+        raise UsageError(f"{settings.config.file}: there is no checkpoint '{checkpoint}' ({path})")
+    if checkpoint is None and _is_archive(path):
+        judging = f"{program()} check --untrusted --starter FILE judges it"
+        raise UsageError(f"{path}: is an archive; {judging}, {program()} grade a class")
+    if checkpoint is None:
+        raise UsageError(
+            f"{path}: the name gives no checkpoint (as {lab.checkpoints[lab.first].file} does); "
+            f"give one with --checkpoint, or use {program()} lint, or fix --lint, which need none"
+        )
+    return checkpoint
+
+
+def _is_archive(path: str) -> bool:
+    """Whether a file is a zip or tar and no stage, which may be packed as well."""
+    import tarfile
+    import zipfile
+
+    if is_stage_file(Path(path).name) or not Path(path).is_file():
+        return False
+    return zipfile.is_zipfile(path) or tarfile.is_tarfile(path)
+
+
+def known_checkpoint(path: str, settings: JudgeSettings, lab: Lab) -> str | None:
+    """Return the checkpoint that settings, configuration or name give a file."""
+    if settings.checkpoint is not None:
+        return checkpoint_number(settings.checkpoint, lab.checkpoints)
+    configured = next(matching(settings.config.checkpoints, path, settings.config), None)
+    return configured or checkpoint_of(Path(path).name, lab)
 
 
 def check_stage(
@@ -81,16 +144,7 @@ def check_stage(
             team, where the lab has values by team.
     """
     given, lab = lab, lab or load_lab()
-    number = checkpoint or checkpoint_of(Path(path).name, lab)
-    if number is None:
-        raise UsageError(
-            f"{path}: names no checkpoint (as {lab.checkpoints[lab.first].file} does); "
-            f"give one with --checkpoint, or use {program()} lint, which needs none"
-        )
-    if number not in lab.checkpoints:
-        raise UsageError(
-            f"there is no checkpoint '{number}'; known are {', '.join(lab.checkpoints)}"
-        )
+    number = checkpoint_at(str(path), JudgeSettings(checkpoint=checkpoint or None), lab)
     lab = given or lab_of_team(lab, [(str(path), number)])
     return judge_stage(path, JudgeSettings(), (lab, number))
 

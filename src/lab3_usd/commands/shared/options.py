@@ -395,23 +395,6 @@ def split_rules(values: Iterable[str]) -> tuple[str, ...]:
     return check_rule_names(parts)
 
 
-def checkpoint_number(given: str, numbers: Collection[str]) -> str:
-    """Return the number of a checkpoint as the lab writes it: `2` is `02`.
-
-    Raises:
-        UsageError: there is no such checkpoint; the line lists those there are.
-    """
-    alike = (
-        checkpoint
-        for checkpoint in numbers
-        if checkpoint.isdecimal() and given.isdecimal() and int(checkpoint) == int(given)
-    )
-    number = given if given in numbers else next(alike, given)
-    if number not in numbers:
-        raise UsageError(f"there is no checkpoint '{given}'; known are {', '.join(numbers)}")
-    return number
-
-
 def wants_color() -> bool:
     """Whether text is coloured: as --color says, else the environment, else the terminal.
 

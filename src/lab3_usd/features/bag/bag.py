@@ -50,7 +50,6 @@ def command(
     failed.
     """
     # The specs are slow to import, and `lab3 --help` does not need them.
-    from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.spec.load.loader import lab_of_team, load_lab
 
@@ -63,9 +62,7 @@ def command(
 
     lab = load_lab()
     names = [recording.name, stage.name if stage is not None else ""]
-    number = next(filter(None, (checkpoint_of(name, lab) for name in names)), "")
-    if checkpoint is not None:
-        number = checkpoint_number(checkpoint, [*lab.checkpoints])
+    number = next(filter(None, (checkpoint_of(name, lab, checkpoint) for name in names)), "")
     lab = lab_of_team(lab, [(name, number) for name in names if name and number])
     if maps is not None and not number:
         raise UsageError("--maps: a recording of no checkpoint is laid on no map")

@@ -13,7 +13,6 @@ from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.commands.shared.configuration import use_config
 from lab3_usd.commands.shared.options import (
     assets_option,
-    checkpoint_number,
     checkpoint_option,
     echo,
     isaac_option,
@@ -141,12 +140,7 @@ def _of_stage(lab: Lab, path: Path, asked: DrawOptions) -> Drawing:
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.report.pictures.graph_picture import stage_pictures
 
-    number, every_port = asked.checkpoint, asked.all_ports
-    number = (
-        checkpoint_of(path.name, lab)
-        if number is None
-        else checkpoint_number(number, lab.checkpoints)
-    )
+    number, every_port = checkpoint_of(path.name, lab, asked.checkpoint), asked.all_ports
     if asked.release is not None:
         lab = lab_in_release(lab, asked.release, number)
     stage = read_any(path, lab.platform, asked.scene or "")

@@ -62,17 +62,13 @@ def command(stage: Path, asked: SimOptions, added: tuple[SimAddition, ...]) -> N
     unreadable or wrong usage, 3 the program itself failed.
     """
     # pxr and the specs are slow to import, and `lab3 --help` needs neither.
-    from lab3_usd.commands.shared.options import checkpoint_number
     from lab3_usd.pipeline.any_stage import lab_in_release
     from lab3_usd.pipeline.stage import checkpoint_of
     from lab3_usd.spec.load.loader import lab_of_team, load_lab
 
     config = use_config(stage, asked.assets)
     lab = load_lab()
-    numbers = [*lab.checkpoints]
-    given = asked.checkpoint
-    named = checkpoint_of(stage.name, lab) or ""
-    checkpoint = named if given is None else checkpoint_number(given, numbers)
+    checkpoint = checkpoint_of(stage.name, lab, asked.checkpoint) or ""
     lab = lab_of_team(lab, [(str(stage), checkpoint)] if checkpoint else [])
     topic = asked.topic or ""
     if checkpoint and topic:
