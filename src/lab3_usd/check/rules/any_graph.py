@@ -112,8 +112,15 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
 
     Example: a ROS2 Context whose type begins with `omni.isaac`.
     """
+    platform = subject.platform
+    # A script stops at old names that the release does not have any more.
+    is_late = order(platform.release) > order(platform.building.old_names_until)
+    known = platform.names.types if subject.stage.build is not None and is_late else None
     for graph in subject.graphs():
-        for other in other_names(graph, subject.platform):
+        stops = known is not None and any(
+            node.written_type and node.written_type not in known for node in graph.nodes
+        )
+        for other in other_names(graph, platform):
             verb, such_as = ("has", ":") if len(other.nodes) == 1 else ("have", ", such as")
             yield Problem(
                 graph.path,
@@ -122,7 +129,7 @@ def deprecated_types(subject: GraphsSubject) -> Iterator[Problem]:
                 expected=other.known,
                 actual=other.written,
                 related=tuple(node.path for node in other.nodes),
-                severity="error" if other.is_unknown or _stops_script(graph, subject) else None,
+                severity="error" if other.is_unknown or stops else None,
                 hint=None if subject.stage.build is None else "write the names of this release",
                 fix=other.edits,
             )
@@ -137,36 +144,24 @@ def _deactivated(graph: GraphModel, subject: LintSubject) -> Iterator[Problem]:
     """
     platform = subject.platform
     is_renamed = order(platform.release) >= order(platform.names.before)
-    old = {
-        node.path: platform.type_name(node.type_name)
+    names = {
+        node.path: name
         for node in graph.absent
         if is_renamed and node.reason == DEACTIVATED and platform.names.is_old(node.type_name)
+        if (name := platform.type_name(node.type_name)) in platform.types
     }
-    names = {path: name for path, name in old.items() if name in platform.types}
     if names:
-        nodes = (
-            "1 deactivated node has" if len(names) == 1 else f"{len(names)} deactivated nodes have"
-        )
+        has = "node has" if len(names) == 1 else "nodes have"
         yield Problem(
             graph.path,
-            f"{nodes} an old type name, which Isaac Sim does not rename when it opens the stage",
+            f"{len(names)} deactivated {has} an old type name, which Isaac Sim does not rename "
+            "when it opens the stage",
             expected=next(iter(names.values())),
             related=tuple(names),
             severity="note",
             identity=DEACTIVATED,
             hint="write the new name into the file before you activate the node",
         )
-
-
-def _stops_script(graph: GraphModel, subject: GraphsSubject) -> bool:
-    """Whether a script makes nodes of old names, which the release does not have any more."""
-    until = subject.platform.building.old_names_until
-    is_later = order(subject.platform.release) > order(until)
-    is_old = any(
-        node.written_type and node.written_type not in subject.platform.names.types
-        for node in graph.nodes
-    )
-    return subject.stage.build is not None and is_later and is_old
 
 
 @rule(
@@ -223,26 +218,23 @@ def value_type(subject: GraphsSubject) -> Iterator[Problem]:
     pairs of types that earlier releases saved are accepted.
     """
     for node in subject.nodes():
-        for name, state in node.ports.items():
-            declared = node.wrong_type(name) if state.usd_type else None
-            # Without a lab each value is judged, else one that it asks for.
-            is_judged = isinstance(subject, LintSubject) or any(
-                setting.port == name for setting in subject.spec_of(node).settings
-            )
-            if declared is None or node.type is None or not is_judged:
-                continue
-            port = node.type.port(name)
-            if port is None:
-                continue
-            title = node_title(node)
-            yield Problem(
-                node.path,
-                f"{name} has type {declared}, expected {port.usd_type}",
-                property=name,
-                expected=port.usd_type,
-                actual=declared,
-                hint=f"delete {title}, add it again from the node list and set its fields",
-            )
+        # Without a lab each value is judged, else one that it asks for.
+        asked: Iterable[str] = node.ports
+        if isinstance(subject, GraphSubject):
+            asked = {setting.port for setting in subject.spec_of(node).settings}
+        for name in asked:
+            declared = node.wrong_type(name)
+            port = None if node.type is None or declared is None else node.type.port(name)
+            if port is not None:
+                title = node_title(node)
+                yield Problem(
+                    node.path,
+                    f"{name} has type {declared}, expected {port.usd_type}",
+                    property=name,
+                    expected=port.usd_type,
+                    actual=declared,
+                    hint=f"delete {title}, add it again from the node list and set its fields",
+                )
 
 
 @rule("K05", "stray-node", severity="warning")

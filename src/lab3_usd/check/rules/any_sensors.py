@@ -6,8 +6,8 @@ from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import ModelSubject
 from lab3_usd.check.registry import rule
-from lab3_usd.facts.execution_order import live_nodes, nodes_of, run_states
-from lab3_usd.facts.render_products import sensor_of
+from lab3_usd.facts.execution_order import run_states
+from lab3_usd.facts.render_products import read_sensors
 from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.model.finding import Problem
@@ -27,15 +27,12 @@ def unequal_lidars(subject: ModelSubject) -> Iterator[Problem]:
     Basis: IsaacSim issue 718, which NVIDIA has reproduced. The renderer is not public.
     """
     stage, platform = subject.stage, subject.platform
-    live, running = live_nodes(stage), run_states(stage)
-    readers = nodes_of(lambda kind: kind.type in platform.sensors, stage)
+    running = run_states(stage)
     first: dict[tuple[str, str], tuple[str, float]] = {}
-    for node in (node for node in readers if node.path in running):
-        asked = platform.sensors.get(node.type.type) if node.type is not None else None
-        path = sensor_of(node, live) or ""
-        prim = stage.prim(path)
-        if asked is None or prim is None or prim.type not in asked.types:
+    for node, asked, prim in read_sensors(stage):
+        if node.path not in running or prim.type not in asked.types:
             continue
+        path = prim.path
         for name in asked.equal if is_release_within(platform.release, *asked.equal_in) else ():
             values = values_of(prim, stage)
             rate = values.number(name)
