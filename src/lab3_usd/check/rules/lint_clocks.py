@@ -18,6 +18,7 @@ from lab3_usd.facts.domains import (
     may_meet,
 )
 from lab3_usd.facts.endpoints import Endpoint, moving_prims, running_endpoints
+from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.stalled_nodes import has_side_effects
 from lab3_usd.isaac.node_types import INPUT
@@ -45,16 +46,14 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
         for entry in context_inputs(subject.stage)
         if entry.contexts and domain_of(entry.node, subject.live, subject.platform) != default
     ]
-    unset = [entry for entry in context_inputs(subject.stage) if not entry.is_set]
-    for entry in unset if connected else ():
-        if has_side_effects(entry.node) and subject.runs(entry.node.path):
-            context = connected[0].contexts[0].path
-            count = len(connected)
+    for entry in context_inputs(subject.stage) if connected else ():
+        if not entry.is_set and has_side_effects(entry.node) and subject.runs(entry.node.path):
+            other = connected[0]
+            context = other.contexts[0].path
             yield Problem(
                 entry.node.path,
                 f"{entry.port} is not connected: the domain is that of the environment, while "
-                f"{count} other {'node takes its' if count == 1 else 'nodes take their'} domain "
-                f"from {context}",
+                f"{other.node.name} takes its domain from {context}",
                 property=entry.port,
                 expected=f"{context}.outputs:context",
                 fix=context_wire(entry.node, entry.port, subject),
@@ -94,12 +93,10 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
             (clocks if endpoint.type == CLOCK else others_of).add(endpoint.domain.name)
     if {domain.name for domain in contexts_of} <= clocks & others_of:
         return
-    most = max(map(len, contexts_of.values()))  # what most contexts name is meant
-    first, nodes = next(each for each in contexts_of.items() if len(each[1]) == most)
+    # What most contexts name is meant.
+    first, nodes = max(contexts_of.items(), key=lambda each: len(each[1]))
     for domain, contexts in contexts_of.items():
-        if domain == first:
-            continue
-        for context in contexts:
+        for context in contexts if domain != first else ():
             yield Problem(
                 context.path,
                 f"context names {domain}, {nodes[0].path} names {first}",
@@ -173,20 +170,14 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
     Example: two robots publish `/robot_1/clock` and `/robot_2/clock`.
     """
     clocks = [end for end in running_endpoints(subject.stage, "publishes") if end.type == CLOCK]
-    first: dict[str, list[Endpoint]] = {}  # by domain: the first clocks on two topics
+    first: dict[str, dict[str, Endpoint]] = {}  # by domain and topic
     for clock in clocks:
-        pair = first.setdefault(clock.domain.name, [clock])
-        if len(pair) == 1 and pair[0].topic != clock.topic:
-            pair.append(clock)
+        first.setdefault(clock.domain.name, {}).setdefault(str(clock.topic), clock)
     for endpoint in clocks:
-        pair = first[endpoint.domain.name]
-        elsewhere = [clock for clock in pair if clock.topic != endpoint.topic][:1]
         if endpoint.topic != "/clock":
-            reason = (
-                f"another clock is on {elsewhere[0].topic}"
-                if elsewhere
-                else "programs listen to /clock"
-            )
+            beside = first[endpoint.domain.name].items()
+            other = next((clock for topic, clock in beside if topic != endpoint.topic), None)
+            reason = f"another clock is on {other.topic}" if other else "programs listen to /clock"
             attribute = subject.platform.ros.namespace_attribute  # moves topics of nodes below
             moving = moving_prims(endpoint.node, subject.stage, subject.live)
             yield Problem(
@@ -195,7 +186,7 @@ def clock_elsewhere(subject: LintSubject) -> Iterator[Problem]:
                 property=endpoint.port,
                 expected="/clock",
                 actual=endpoint.topic,
-                related=tuple(other.node.path for other in elsewhere),
+                related=() if other is None else (other.node.path,),
                 assumes=tuple((path, attribute) for path, _ in moving),
             )
 
@@ -279,11 +270,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     for stamp in topic_clocks(subject.stage):
         if stamp.clock == "simulation":
             stamped.setdefault(stamp.domain, []).append(stamp)
-    clocks = [
-        node
-        for node in subject.live.values()
-        if node.type is not None and node.type.message.get("") == CLOCK
-    ]
+    clocks = nodes_of(lambda kind: kind.message.get("") == CLOCK, subject.stage)
     # A script or a node of an unknown type that runs may send it.
     is_known = not subject.stage.scripts and not any(
         node.type is None
@@ -295,18 +282,16 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     absent = (prim.path.rpartition("/")[0] for prim in subject.stage.absent)
     off = [graph.path for graph in subject.graphs() if not graph.active]
     overs = tuple((path, None) for path in dict.fromkeys((*off, *absent)))
-    is_or_are = "is" if len(off) == 1 else "are"
-    resting = f"; {' and '.join(off)} {is_or_are} not in the scene" if off else ""
+    resting = f"; {' and '.join(off)} {'is' if len(off) == 1 else 'are'} not in the scene"
     for domain, simulated in stamped.items() if is_known else ():
-        if not any(
-            may_meet(domain, domain_of(clock, subject.live, subject.platform)) for clock in clocks
-        ):
-            first, count = simulated[0], len(simulated)
-            more = count - 1
+        meeting = (domain_of(clock, subject.live, subject.platform) for clock in clocks)
+        if not any(may_meet(domain, other) for other in meeting):
+            first, more = simulated[0], len(simulated) - 1
             and_more = f" and {more} other topic{'s' * (more > 1)} use" if more else " uses"
             yield Problem(
                 first.node.path,
-                f"{first.topic}{and_more} simulation time, but nothing publishes /clock{resting}",
+                f"{first.topic}{and_more} simulation time, but nothing publishes /clock"
+                f"{resting if off else ''}",
                 expected="a publisher of /clock",
                 related=tuple(dict.fromkeys((*off, *(s.node.path for s in simulated[1:])))),
                 rests_on=next(iter(subject.stage.unresolved), None),
