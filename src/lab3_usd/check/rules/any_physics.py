@@ -200,10 +200,9 @@ def ignored_physics(subject: ModelSubject) -> Iterator[Problem]:
                     expected="one body",
                     actual=", ".join(targets),
                 )
-    for prim in _tied_prims(stage):
-        if prim.present and not {MASS_API, BODY_API}.isdisjoint(prim.apis):
-            yield from _ignored_masses(prim, stage)
     for shape in _tied_prims(stage):
+        if shape.present and not {MASS_API, BODY_API}.isdisjoint(shape.apis):
+            yield from _ignored_masses(shape, stage)
         scale = _uneven(shape) if collides(shape) else ""
         if scale:
             yield Problem(
