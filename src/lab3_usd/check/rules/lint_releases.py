@@ -19,10 +19,8 @@ from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.release_changes import ANY, GonePort, Meaning, leads_past
 from lab3_usd.isaac.releases import order
-from lab3_usd.isaac.values import Value
-from lab3_usd.model.changes import ClearValue, Edit, RenameProperty, SetValue
+from lab3_usd.model.changes import ClearValue, RenameProperty, SetValue
 from lab3_usd.model.finding import Problem, display, node_title
-from lab3_usd.model.prims import Prim
 from lab3_usd.model.stage import Node, Unknown, same_value
 
 _LOOK = "nothing is wrong with the stage: see whether it still does what you want"
@@ -186,7 +184,8 @@ def other_release(subject: LintSubject) -> Iterator[Problem]:
     yield from _lost_values(subject, before)
     yield from _other_sensors(subject, before)
     for meaning, text in subject.platform.changes.told(before.release, subject.platform.release):
-        yield from _other_meaning(subject, meaning, text)
+        for problem in _other_meaning(subject, meaning, text):
+            yield replace(problem, identity=meaning.id, severity=meaning.severity, hint=_LOOK)
 
 
 def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]:
@@ -202,13 +201,14 @@ def _other_defaults(subject: LintSubject, before: Platform) -> Iterator[Problem]
                 state.value is None and not state.sources and not state.targets
             )
             is_open = is_open and port.startswith(INPUT) and port in then.ports
-            is_same = same_value(_default(node, port, before), node.value(port))
+            is_same = same_value(then.default(port, node.version), node.value(port))
             if is_open and not is_same and not _is_idle(node, port, subject):
                 key = (node.path.rpartition("/")[0], node.type_name, port)
                 places.setdefault(key, []).append(node)
     changes, releases = subject.platform.changes, (before.release, subject.platform.release)
     for (_, kind, port), nodes in places.items():
-        was, now = _default(nodes[0], port, before), nodes[0].value(port)
+        was = before.types[kind].default(port, nodes[0].version)
+        now = nodes[0].value(port)
         if was is None or now is None or changes.does_nothing(kind, port, releases[1]):
             continue
         words = changes.defaults.get(port)
@@ -235,10 +235,6 @@ def _is_idle(node: Node, port: str, subject: LintSubject) -> bool:
     return bool(values) and all(actual == value for actual, value in pairs)
 
 
-def _default(node: Node, port: str, platform: Platform) -> Value | None:
-    return platform.types[node.type_name].default(port, node.version)
-
-
 def _lost_values(subject: LintSubject, before: Platform) -> Iterator[Problem]:
     """Yield the values of ports that only the other release has."""
     places: dict[tuple[str, str, str], list[Node]] = {}
@@ -249,7 +245,8 @@ def _lost_values(subject: LintSubject, before: Platform) -> Iterator[Problem]:
         for port, state in node.ports.items():
             is_lost = port in then.ports and node.type.port(port) is None
             value = None if isinstance(state.value, Unknown) else state.value
-            is_set = value is not None and not same_value(_default(node, port, before), value)
+            was = then.default(port, node.version)
+            is_set = value is not None and not same_value(was, value)
             if is_lost and (is_set or state.targets) and not state.sources:
                 key = (node.path.rpartition("/")[0], node.type_name, port)
                 places.setdefault(key, []).append(node)
@@ -278,73 +275,56 @@ def _more(places: list[Node]) -> str:
 
 def _other_sensors(subject: LintSubject, before: Platform) -> Iterator[Problem]:
     """Yield what of the sensors that are read counts in one of the two releases alone."""
-    since = subject.platform.changes.sensors.since
-    now, then = subject.platform.release, before.release
+    changes, models = subject.platform.changes, subject.platform.sensor_models
+    since, now, then = changes.sensors.since, subject.platform.release, before.release
     if leads_past(since, then, now):
+        whole = models.lidar.whole
         for prim in read_lidars(subject.stage):
-            yield from _whole_turns(prim, then, subject)
+            if prim.attributes.get(whole) is None:
+                yield Problem(
+                    prim.path,
+                    f"{whole} has no value: the sensor says now whether each message is a whole "
+                    f"turn, and the helper of Isaac Sim {then} saw to it",
+                    property=whole,
+                    expected="True",
+                    fix=(SetValue(prim.path, whole, "bool", value=True),),
+                    rests_on=subject.stage.unknown(prim.path),
+                )
     elif leads_past(since, now, then):
-        skips = subject.platform.changes.skips
         for node, left_out, _ in _skipping(subject):
             yield Problem(
                 node.path,
-                f"{skips.input} is {left_out}: it counts frames of the application here, and "
-                f"readings of the sensor in Isaac Sim {then}",
-                property=skips.input,
+                f"{changes.skips.input} is {left_out}: it counts frames of the application here, "
+                f"and readings of the sensor in Isaac Sim {then}",
+                property=changes.skips.input,
                 actual=str(left_out),
             )
         for prim in read_lidars(subject.stage):
-            yield from _former_names(prim, subject)
-
-
-def _whole_turns(prim: Prim, then: str, subject: LintSubject) -> Iterator[Problem]:
-    """Say that a lidar of before lacks the value by which each message is a whole turn."""
-    whole = subject.platform.sensor_models.lidar.whole
-    if prim.attributes.get(whole) is None:
-        yield Problem(
-            prim.path,
-            f"{whole} has no value: the sensor says now whether each message is a whole turn, and "
-            f"the helper of Isaac Sim {then} saw to it",
-            property=whole,
-            expected="True",
-            fix=(SetValue(prim.path, whole, "bool", value=True),),
-            rests_on=subject.stage.unknown(prim.path),
-        )
-
-
-def _former_names(prim: Prim, subject: LintSubject) -> Iterator[Problem]:
-    """Yield the attributes of a sensor that had another name before."""
-    renamed = subject.platform.sensor_models.renamed
-    for name in prim.attributes:
-        former = [old for old, new in renamed.items() if new == name]
-        if former:
-            right: tuple[Edit, ...] = (RenameProperty(prim.path, name, former[0]),)
-            yield Problem(
-                prim.path,
-                f"{name} is {' or '.join(former)} in Isaac Sim {subject.platform.release}",
-                property=name,
-                expected=former[0],
-                actual=display(prim.attributes[name]),
-                fix=right if len(former) == 1 else (),
-            )
+            for name in prim.attributes:
+                former = [old for old, new in models.renamed.items() if new == name]
+                renaming = [RenameProperty(prim.path, name, old) for old in former]
+                if former:
+                    yield Problem(
+                        prim.path,
+                        f"{name} is {' or '.join(former)} in Isaac Sim {now}",
+                        property=name,
+                        expected=former[0],
+                        actual=display(prim.attributes[name]),
+                        fix=tuple(renaming if len(former) == 1 else ()),
+                    )
 
 
 def _other_meaning(subject: LintSubject, meaning: Meaning, text: str) -> Iterator[Problem]:
     """Yield a change of meaning, once for each graph, robot or asset."""
     if meaning.asset:
         assets = [each for each in subject.stage.unresolved if meaning.asset in each.asset]
+        more = f" and {len(assets) - 1} more" if len(assets) > 1 else ""
         for first in assets[:1]:
-            more = f" and {len(assets) - 1} more" if len(assets) > 1 else ""
-            message = f"{first.asset}{more}: {text}"
-            yield Problem(
-                first.prim, message, identity=meaning.id, severity=meaning.severity, hint=_LOOK
-            )
+            yield Problem(first.prim, f"{first.asset}{more}: {text}")
     if meaning.schema:
-        for prim in subject.stage.with_api(lambda api: api == meaning.schema):
+        for prim in subject.stage.with_api(meaning.schema):
             if prim.present and meaning.lacks not in prim.apis:
-                yield Problem(
-                    prim.path, text, identity=meaning.id, severity=meaning.severity, hint=_LOOK
-                )
+                yield Problem(prim.path, text)
     graphs: dict[str, list[Node]] = {}
     for node in subject.live.values():
         is_asked = node.type_name in meaning.types and node.path in used_nodes(subject.stage)
@@ -353,10 +333,8 @@ def _other_meaning(subject: LintSubject, meaning: Meaning, text: str) -> Iterato
     if sum(map(len, graphs.values())) < meaning.least:
         return
     for nodes in graphs.values():
-        name = next(iter(meaning.value), None)
         where = f"{node_title(nodes[0])}{_more(nodes)}: {text}"
-        problem = _at(nodes, where, name)
-        yield replace(problem, identity=meaning.id, severity=meaning.severity, hint=_LOOK)
+        yield _at(nodes, where, next(iter(meaning.value), None))
 
 
 def _means(node: Node, meaning: Meaning, subject: LintSubject) -> bool:
@@ -364,9 +342,7 @@ def _means(node: Node, meaning: Meaning, subject: LintSubject) -> bool:
     for port, asked in meaning.value.items():
         state = node.state(port)
         is_written = state is not None and state.value is not None
-        if asked == ANY and not is_written:
-            return False
-        if asked != ANY and effective_value(node, port, subject.live) != asked:
+        if not (is_written if asked == ANY else effective_value(node, port, subject.live) == asked):
             return False
     if meaning.port and not any(
         fnmatchcase(port, meaning.port)
