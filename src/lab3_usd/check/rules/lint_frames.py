@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator
 
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.rules.lint_motion import misnamed
-from lab3_usd.facts.endpoints import Endpoint, running_endpoints
+from lab3_usd.facts.endpoints import running_endpoints
 from lab3_usd.facts.execution_order import nodes_of
 from lab3_usd.facts.feeding import commanded_robots, feeding_nodes, misnamed_poses, robot_spaces
 from lab3_usd.facts.frame_targets import listed_targets, parent_prim, tf_ports
@@ -16,6 +16,7 @@ from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.message_frames import odometry_pairs
 from lab3_usd.model.finding import Place, Problem
 from lab3_usd.model.physics import ARTICULATION_API
+from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import Node
 
 _TWO = 2  # bodies that make a robot
@@ -35,11 +36,7 @@ def another_robot(subject: LintSubject) -> Iterator[Problem]:
     Example: Isaac Compute Odometry for `/robot1/odom` names `/World/robot2/base_link`.
     """
     told: set[Place] = set()
-    for problem in (
-        *_by_namespace(subject),
-        *_by_frame(subject),
-        *_by_parent(subject),
-    ):
+    for problem in (*_by_namespace(subject), *_by_frame(subject), *_by_parent(subject)):
         place = (problem.prim, problem.property)
         if place not in told:
             told.add(place)
@@ -54,7 +51,8 @@ def _by_namespace(subject: LintSubject) -> Iterator[Problem]:
     robots |= {bodies.owner(root.path) for root in subject.stage.with_api(ARTICULATION_API)} - {""}
     parents = _parent_prims(subject)
     for end in running_endpoints(subject.stage, "publishes"):
-        robot = _robot_of_space(end, spaces)
+        around = ((end.domain.name, space) for space in upwards(end.topic or ""))
+        robot = next((spaces[space] for space in around if space in spaces), "")
         for node, port, prim in _shown(end.node, subject) if robot else ():
             owner = bodies.owner(prim)
             if owner not in robots or owner == robot:
@@ -71,13 +69,6 @@ def _by_namespace(subject: LintSubject) -> Iterator[Problem]:
                     related=() if node is end.node else (end.node.path,),
                     rests_on=subject.stage.unknown(prim, robot),
                 )
-
-
-def _robot_of_space(end: Endpoint, spaces: Mapping[tuple[str, str], str]) -> str:
-    space = end.topic or ""
-    while space and (end.domain.name, space) not in spaces:
-        space = space.rpartition("/")[0]
-    return spaces.get((end.domain.name, space), "")
 
 
 def _shown(publisher: Node, subject: LintSubject) -> Iterator[tuple[Node, str, str]]:

@@ -113,26 +113,26 @@ def _cut_off(command: Command, stage: StageModel) -> Iterator[Problem]:
 
 def _ends_of(joint: Prim, stage: StageModel) -> str:
     """Say what the bodies of a joint are."""
-    ends = zip(BODIES, bodies(joint), strict=True)
-    return ", ".join(
-        f"{name} {'is ' + path if stage.prim(path) else f'names {path}, which is missing'}"
-        if path
-        else f"{name} names nothing"
-        for name, path in ends
-    )
+    words = []
+    for name, path in zip(BODIES, bodies(joint), strict=True):
+        is_there = stage.prim(path) is not None
+        named = f"is {path}" if is_there else f"names {path}, which is missing"
+        words.append(f"{name} {named if path else 'names nothing'}")
+    return ", ".join(words)
 
 
 def _joint_numbers(command: Command, subject: LintSubject) -> Iterator[Problem]:
     """Yield that a controller picks a joint by a number that its robot does not have."""
     stage, port = subject.stage, command.ports.indices
-    numbers = list_at(command.node, port, subject.live) if not command.names else None
+    numbers = () if command.names else list_at(command.node, port, subject.live) or ()
     count = number_of_axes(command, stage) if numbers else None
-    beyond = [each for each in numbers or () if isinstance(each, int) and count is not None]
-    beyond = [each for each in beyond if not 0 <= each < (count or 0)]
+    if count is None:
+        return
+    beyond = [each for each in numbers if isinstance(each, int) and not 0 <= each < count]
     if beyond:
         yield Problem(
             command.node.path,
-            f"{port} has {beyond[0]}, and the robot has the joints 0 to {(count or 0) - 1}",
+            f"{port} has {beyond[0]}, and the robot has the joints 0 to {count - 1}",
             property=port,
             actual=display(numbers),
             rests_on=command.unknown,

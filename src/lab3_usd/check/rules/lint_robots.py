@@ -180,22 +180,19 @@ def _unlike_sizes(
 
     What is no size at all makes it compute nothing, which is another finding. Each is told once.
     """
-    quantity = subject.platform.quantities.get(controller.type.type) if controller.type else None
-    if quantity is None:
-        return
+    quantity = subject.platform.quantities[controller.type_name]
     speed = next((INPUT + name for name, taken in quantity.takes.items() if _SPEED in taken), "")
     tolerance = subject.value(_TOLERANCE)
     unit = unit_of(controller, speed, subject.stage)
     units = (1.0, subject.stage.meters_per_unit) if unit is None else (unit,)
     unit_text = "" if unit in {None, 1.0} else f", and the velocity comes in units of {unit:g} m"
-    for port, measured in (
-        (INPUT + name, sizes.get(size)) for name, size in quantity.sizes.items()
-    ):
+    for name, size in quantity.sizes.items():
+        port, measured = INPUT + name, sizes.get(size)
         value = number(effective_value(controller, port, subject.live)) or 0.0
         place = (controller.path, port)
         if value <= 0 or not measured or place in told:
             continue
-        if not any(math.isclose(value * size, measured, rel_tol=tolerance) for size in units):
+        if not any(math.isclose(value * metres, measured, rel_tol=tolerance) for metres in units):
             told.add(place)
             yield Problem(
                 controller.path,
