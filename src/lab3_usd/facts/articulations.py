@@ -7,7 +7,7 @@ from collections.abc import Iterable, Iterator, Mapping, Sequence
 from msgspec import Struct
 
 from lab3_usd.facts.arrays import list_at, listed_names
-from lab3_usd.facts.execution_order import live_nodes, nodes_of
+from lab3_usd.facts.execution_order import live_nodes, nodes_with
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.reaching_values import effective_value, live_sources
@@ -84,10 +84,7 @@ def _by_root(stage: StageModel) -> Mapping[str, Mapping[int, Command]]:
 def commands(stage: StageModel) -> Iterator[Command]:
     """Yield every live node that moves joints, in the order of the stage."""
     live = live_nodes(stage)
-    for node in nodes_of(lambda kind: kind.drives, stage):
-        ports = None if node.type is None else node.type.drives
-        if ports is None:
-            continue
+    for node, ports in nodes_with(lambda kind: kind.drives, stage):
         path = effective_value(node, ports.path, live)
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")

@@ -14,7 +14,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, domain_of
-from lab3_usd.facts.execution_order import is_switched_on, live_nodes, nodes_of, run_states
+from lab3_usd.facts.execution_order import is_switched_on, live_nodes, nodes_with, run_states
 from lab3_usd.facts.rates import rate_source
 from lab3_usd.facts.reaching_values import LiveNodes, Nodes, effective_value, live_sources
 from lab3_usd.facts.render_products import has_two_sizes, sensor_of, stereo_products
@@ -179,9 +179,8 @@ def endpoints(stage: StageModel) -> tuple[Endpoint, ...]:
     nodes = (live, running, certain)
     unordered = [
         _endpoint(node, port, stage, nodes)
-        for node in nodes_of(lambda kind: kind.role in _DIRECTIONS, stage)
-        if node.type is not None
-        for port in used_topics(node, node.type, live)
+        for node, kind in nodes_with(lambda kind: kind if kind.role in _DIRECTIONS else None, stage)
+        for port in used_topics(node, kind, live)
     ]
     return tuple(sorted(unordered, key=lambda end: (end.topic or "", end.direction, end.node.path)))
 

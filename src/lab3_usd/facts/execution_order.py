@@ -52,16 +52,27 @@ def _by_type(stage: StageModel) -> Mapping[NodeType, list[tuple[int, Node]]]:
     return by_type
 
 
+def nodes_with(
+    asked: Callable[[NodeType], _Entry | None], stage: StageModel
+) -> list[tuple[Node, _Entry]]:
+    """Return the live nodes whose types have something, with it, in the order of the stage."""
+    numbered = [
+        (number, node, given)
+        for kind, nodes in _by_type(stage).items()
+        if (given := asked(kind))
+        for number, node in nodes
+    ]
+    return [(node, given) for _, node, given in sorted(numbered, key=lambda each: each[0])]
+
+
 def nodes_of(asked: Callable[[NodeType], object], stage: StageModel) -> list[Node]:
     """Return the live nodes of the types asked for, in the order of the stage."""
-    groups = (nodes for kind, nodes in _by_type(stage).items() if asked(kind))
-    return [node for _, node in sorted(numbered for nodes in groups for numbered in nodes)]
+    return [node for node, _ in nodes_with(asked, stage)]
 
 
 def nodes_in(table: Mapping[str, _Entry], stage: StageModel) -> list[tuple[Node, _Entry]]:
     """Return the live nodes of the types in a table of the platform, with what it says of each."""
-    nodes = nodes_of(lambda kind: kind.type in table, stage)
-    return [(node, table[node.type.type]) for node in nodes if node.type is not None]
+    return nodes_with(lambda kind: table.get(kind.type), stage)
 
 
 @once_per_stage

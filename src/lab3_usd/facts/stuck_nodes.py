@@ -12,7 +12,7 @@ from lab3_usd.facts.execution_order import (
     State,
     live_nodes,
     nodes_in,
-    nodes_of,
+    nodes_with,
     referenced_graphs,
     run_states,
     running_nodes,
@@ -290,10 +290,7 @@ def _without_context(stage: StageModel) -> Iterator[Stuck]:
 def _without_camera(stage: StageModel) -> Iterator[Stuck]:
     """Yield the nodes that make no render product: OgnIsaacCreateRenderProduct.py:77-160."""
     live = live_nodes(stage)
-    for node in nodes_of(lambda kind: kind.product, stage):
-        ports = None if node.type is None else node.type.product
-        if ports is None:
-            continue
+    for node, ports in nodes_with(lambda kind: kind.product, stage):
         yield from _without_target(node, ports.camera, stage)
         named = next(iter(node.targets(ports.named)), "")
         product = stage.products.get(named)

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 from lab3_usd.check.match.rule_inputs import LintSubject
 from lab3_usd.check.registry import Parameter, rule
 from lab3_usd.facts.articulations import articulations
-from lab3_usd.facts.execution_order import nodes_of
+from lab3_usd.facts.execution_order import nodes_of, nodes_with
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.render_products import read_lidars, read_sensors
 from lab3_usd.facts.sensor_faults import SensorFault, faults_of
@@ -257,10 +257,7 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:width = 0` on an Isaac Create Render Product.
     """
-    for node in subject.live.values():
-        ports = None if node.type is None else node.type.product
-        if ports is None:
-            continue
+    for node, ports in nodes_with(lambda kind: kind.product, subject.stage):
         named = next(iter(node.targets(ports.named)), "")
         product = subject.stage.products.get(named)
         if product is not None and not product.camera:

@@ -19,7 +19,7 @@ from lab3_usd.facts.endpoints import (
     ros_name,
     running_endpoints,
 )
-from lab3_usd.facts.execution_order import nodes_of
+from lab3_usd.facts.execution_order import nodes_with
 from lab3_usd.facts.frame_targets import NAME_OVERRIDE, frame_of_prim
 from lab3_usd.facts.frames import all_edges
 from lab3_usd.facts.joined_bodies import joined_bodies
@@ -139,22 +139,20 @@ def unknown_token(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:type = "depth_image"` on a ROS2 Camera Helper, which offers `depth`.
     """
-    offering = nodes_of(
-        # One of the inputs that a type grows may take some values only, as its own may.
-        lambda kind: kind.grows or any(port.allowed for port in kind.ports.values()),
+    # One of the inputs that a type grows may take some values only, as its own may.
+    for node, kind in nodes_with(
+        lambda kind: kind if kind.grows or any(p.allowed for p in kind.ports.values()) else None,
         subject.stage,
-    )
-    for node in offering:
+    ):
         for name in node.ports:
-            port = None if node.type is None else node.type.port(name)
+            port = kind.port(name)
             if port is None or not port.allowed:
                 continue
             value = effective_value(node, name, subject.live)
-            choices = (*port.allowed, *(() if node.type is None else node.type.message))
+            choices = (*port.allowed, *kind.message)
             if isinstance(value, str) and value not in ("", port.default, *choices):
                 near = likely_name(value, port.allowed)
-                types = {} if node.type is None or name != KIND else node.type.moved
-                moved = subject.platform.get(types.get(value, ""))
+                moved = subject.platform.get(kind.moved.get(value, "") if name == KIND else "")
                 other = None if moved is None else moved.ui_name
                 later = subject.platform.changes.tokens.get(node.type_name, {}).get(name, {})
                 nearest = later.get(value) if near is None and moved is None else None
@@ -291,17 +289,14 @@ def _exchanged_names(stage: StageModel) -> Iterator[Problem]:
             )
 
 
-def _names_message(kind: NodeType) -> bool:
-    """Whether nodes of a type name their message or service."""
-    return all(name in kind.ports for name in NAMED)
-
-
-def _named(node: Node, subject: LintSubject) -> tuple[str, str, str] | None:
-    """Return package, folder and name of the message or service of a node, None for none."""
-    if node.type is None or not _names_message(node.type):
-        return None
-    package, folder, name = (str(effective_value(node, n, subject.live) or "") for n in NAMED)
-    return (package, folder, name) if package and folder and name else None
+def _naming(subject: LintSubject) -> Iterator[tuple[Node, NodeType, tuple[str, str, str]]]:
+    """Yield the nodes that name a message or service, by package, folder and name."""
+    for node, kind in nodes_with(
+        lambda kind: kind if all(name in kind.ports for name in NAMED) else None, subject.stage
+    ):
+        package, folder, name = (str(effective_value(node, n, subject.live) or "") for n in NAMED)
+        if package and folder and name:
+            yield node, kind, (package, folder, name)
 
 
 @rule("K18", "unknown-message")
@@ -315,11 +310,8 @@ def unknown_message(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:messageName = "Float32.msg"`, or the package `geometry_msg`.
     """
-    for node in nodes_of(_names_message, subject.stage):
-        named = _named(node, subject)
-        if named is None or node.type is None:
-            continue
-        why = (why_no_service if node.type.role == "service" else why_no_message)(*named)
+    for node, kind, named in _naming(subject):
+        why = (why_no_service if kind.role == "service" else why_no_message)(*named)
         if why:
             yield Problem(
                 node.path,
@@ -342,9 +334,8 @@ def service_types(subject: LintSubject) -> Iterator[Problem]:
     """
     types = {
         node.path: (node, "/".join(named))
-        for node in nodes_of(lambda kind: kind.role == "service", subject.stage)
-        for named in [_named(node, subject)]
-        if named is not None
+        for node, kind, named in _naming(subject)
+        if kind.role == "service"
     }
     for wire in connections(subject.stage) if types else ():
         kind = wire.node.type
