@@ -53,7 +53,7 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
             yield Problem(
                 entry.node.path,
                 f"{entry.port} is not connected: the domain is that of the environment, while "
-                f"{other.node.name} takes its domain from {context}",
+                f"{other.node.path} takes its domain from {context}",
                 property=entry.port,
                 expected=f"{context}.outputs:context",
                 fix=context_wire(entry.node, entry.port, subject),
