@@ -111,13 +111,13 @@ def obstacle(node: Node, stage: StageModel) -> Stuck | None:
     for path in (waiting := [node.path]):
         if path in stuck:
             return stuck[path]
-        before = [*signal_sources(ahead[path], live), *_products(ahead[path], live)]
+        before = [*signal_sources(ahead[path], live), *read_products(ahead[path], live)]
         waiting += [each.path for each in before if each.path not in ahead]
         ahead.update((each.path, each) for each in before)
     return None
 
 
-def _products(node: Node, live: Nodes) -> Iterator[Node]:
+def read_products(node: Node, live: Nodes) -> Iterator[Node]:
     """Yield the nodes whose render product another one reads."""
     for port in node.ports:
         for source, _ in live_sources(node, port, live):

@@ -282,7 +282,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     absent = (prim.path.rpartition("/")[0] for prim in subject.stage.absent)
     off = [graph.path for graph in subject.graphs() if not graph.active]
     overs = tuple((path, None) for path in dict.fromkeys((*off, *absent)))
-    resting = f"; {' and '.join(off)} {'is' if len(off) == 1 else 'are'} not in the scene"
+    resting = f"; not in the scene: {', '.join(off)}" if off else ""
     for domain, simulated in stamped.items() if is_known else ():
         meeting = (domain_of(clock, subject.live, subject.platform) for clock in clocks)
         if not any(may_meet(domain, other) for other in meeting):
@@ -290,8 +290,7 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
             and_more = f" and {more} other topic{'s' * (more > 1)} use" if more else " uses"
             yield Problem(
                 first.node.path,
-                f"{first.topic}{and_more} simulation time, but nothing publishes /clock"
-                f"{resting if off else ''}",
+                f"{first.topic}{and_more} simulation time, but nothing publishes /clock{resting}",
                 expected="a publisher of /clock",
                 related=tuple(dict.fromkeys((*off, *(s.node.path for s in simulated[1:])))),
                 rests_on=next(iter(subject.stage.unresolved), None),

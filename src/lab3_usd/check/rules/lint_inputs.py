@@ -26,12 +26,10 @@ from lab3_usd.facts.wires import connections
 from lab3_usd.isaac.behaviour import Need
 from lab3_usd.isaac.graph_form import VARIABLE
 from lab3_usd.isaac.node_types import INPUT, NUMBERS, OUTPUT
-from lab3_usd.model.finding import Problem, display
+from lab3_usd.model.finding import Problem, display, format_paths
 from lab3_usd.model.joint_drives import DRIVE, drive_prefix
 from lab3_usd.model.prims import Prim, upwards
 from lab3_usd.model.stage import Node, StageModel, absence_reason
-
-_MOST = 4  # inputs that a message lists
 
 
 @rule("K10", "unset-input", formerly="works-on-zeros")
@@ -108,13 +106,6 @@ def _has_numbers(node: Node, ports: Iterable[str], subject: LintSubject) -> bool
     return False
 
 
-def _listed(ports: tuple[str, ...]) -> str:
-    """Return inputs with their verb, as the beginning of a sentence."""
-    if len(ports) == 1:
-        return f"{ports[0]} is"
-    return f"{', '.join(ports[:_MOST])}{' and others' if len(ports) > _MOST else ''} are"
-
-
 @rule("K11", "array-gaps", formerly="array-with-gaps")
 def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     """An array has an empty element, or inputs beyond its size.
@@ -162,8 +153,8 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
                 wire = lost_constant(node, port, subject) if len(items.empty) == 1 else ()
                 yield Problem(
                     node.path,
-                    f"{_listed(items.empty)} not connected and without a value: "
-                    "the array has an empty element there",
+                    f"no wire and no value at {format_paths(items.empty)}: the array has an empty "
+                    "element there",
                     property=port,
                     expected="a wire or a value",
                     severity="warning" if has_numbers else None,
@@ -175,7 +166,8 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
         if items.beyond:
             yield Problem(
                 node.path,
-                f"{_listed(items.beyond)} ignored: {items.count_port} is {items.count}",
+                f"{items.count_port} is {items.count}, which leaves out "
+                f"{format_paths(items.beyond)}",
                 property=items.count_port,
                 actual=str(items.count),
                 severity="warning",

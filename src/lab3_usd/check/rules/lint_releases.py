@@ -70,11 +70,10 @@ def gone_setting(subject: LintSubject) -> Iterator[Problem]:
 def _without_prim(node: Node, gone: dict[str, GonePort]) -> Iterator[Problem]:
     lost = [port for port, change in gone.items() if change.prim and not node.targets(change.prim)]
     if lost:
-        change, more = gone[lost[0]], f" and {len(lost) - 1} more" if len(lost) > 1 else ""
-        verb = "is" if len(lost) == 1 else "are"
+        change = gone[lost[0]]
         yield Problem(
             node.path,
-            f"{lost[0]}{more} {verb} of an earlier release: {change.by}, and {change.prim} names "
+            f"of an earlier release: {', '.join(lost)}; {change.by}, and {change.prim} names "
             "none, so the node does nothing",
             property=change.prim,
             expected="a prim",

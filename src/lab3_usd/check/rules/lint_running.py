@@ -25,9 +25,9 @@ from lab3_usd.facts.execution_order import (
     signals_once,
     unchosen_output,
 )
-from lab3_usd.facts.reaching_values import effective_value, live_sources
+from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.stalled_nodes import Stop, feeds, has_side_effects, stops
-from lab3_usd.facts.stuck_nodes import switched_off_target
+from lab3_usd.facts.stuck_nodes import read_products, switched_off_target
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.prims import is_at_or_below
@@ -392,11 +392,7 @@ def sensor_waits_for_message(subject: LintSubject) -> Iterator[Problem]:
     Basis: `OgnROS2SubscribeTwist.cpp`: the execution output is set for a message that was taken.
     """
     for node in _helpers(subject):
-        fed = [
-            source for port in node.ports for source, _ in live_sources(node, port, subject.live)
-        ]
-        products = [source for source in fed if source.type and source.type.product]
-        for waiting in (node, *products):
+        for waiting in (node, *read_products(node, subject.live)):
             ahead = [*_ahead(waiting, subject)]
             subscriber = next((s for s in ahead if s.type and s.type.role == _SUBSCRIBER), None)
             if subscriber is not None and not any(
