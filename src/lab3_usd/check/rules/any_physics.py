@@ -236,7 +236,8 @@ def _ignored_masses(prim: Prim, stage: StageModel) -> Iterator[Problem]:
     if idle and MASS_API not in prim.apis:
         yield Problem(
             prim.path,
-            f"no effect without {MASS_API}: {', '.join(idle)}",
+            f"{' and '.join(idle)} {'has' if len(idle) == 1 else 'have'} no effect without "
+            f"{MASS_API}",
             property=idle[0],
             expected=MASS_API,
             fix=(ApplySchema(prim.path, MASS_API),),

@@ -282,7 +282,8 @@ def no_clock(subject: LintSubject) -> Iterator[Problem]:
     absent = (prim.path.rpartition("/")[0] for prim in subject.stage.absent)
     off = [graph.path for graph in subject.graphs() if not graph.active]
     overs = tuple((path, None) for path in dict.fromkeys((*off, *absent)))
-    resting = f"; not in the scene: {', '.join(off)}" if off else ""
+    is_or_are = "is" if len(off) == 1 else "are"
+    resting = f"; {' and '.join(off)} {is_or_are} not in the scene" if off else ""
     for domain, simulated in stamped.items() if is_known else ():
         meeting = (domain_of(clock, subject.live, subject.platform) for clock in clocks)
         if not any(may_meet(domain, other) for other in meeting):
