@@ -9,6 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import ModelSubject, StageSubject
 from lab3_usd.check.registry import Demand, rule
+from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import (
@@ -23,7 +24,6 @@ from lab3_usd.model.physics import (
     is_body,
     joints,
     numbers,
-    rigid_bodies,
 )
 from lab3_usd.model.prims import Prim, is_at_or_below, upwards
 from lab3_usd.model.stage import StageModel, once_per_stage
@@ -100,9 +100,9 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
         ends = [stage.prim(path) for path in bodies(joint)]
         owners = tuple(next(iter(end.relationships.get(_OWNER, ())), "") for end in ends if end)
         if len(owners) == len(BODIES) and len({*owners}) > 1:
+            whose = [f"owner {owner}" if owner else "no simulation owner" for owner in owners]
             first, second = (
-                f"{path} ({f'owner {owner}' if owner else 'no simulation owner'})"
-                for path, owner in zip(bodies(joint), owners, strict=True)
+                f"{path} ({owner})" for path, owner in zip(bodies(joint), whose, strict=True)
             )
             yield Problem(
                 joint.path,
@@ -116,12 +116,8 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
 
 def _still_shapes(stage: StageModel) -> Sequence[Prim]:
     """Return the shapes that no body moves, where a stage has bodies that joints tie."""
-    bodies = rigid_bodies(stage) if _tied_bodies(stage) else ()
-    return [
-        prim
-        for prim in (stage.with_api(COLLISION_API) if bodies else ())
-        if not any(above in bodies for above in upwards(prim.path))
-    ]
+    shapes = stage.with_api(COLLISION_API) if _tied_bodies(stage) else ()
+    return [shape for shape in shapes if not joined_bodies(stage).carrier(shape.path)]
 
 
 def _of_other_scenes(stage: StageModel, scenes: Sequence[str]) -> Iterator[Problem]:
@@ -254,12 +250,9 @@ def _tied_bodies(stage: StageModel) -> frozenset[str]:
 @once_per_stage
 def _tied_prims(stage: StageModel) -> tuple[Prim, ...]:
     """Return the bodies that joints tie, and the prims with shapes or masses that belong to one."""
-    bodies, tied = rigid_bodies(stage), _tied_bodies(stage)
-    return tuple(
-        prim
-        for prim in stage.with_api(_PHYSICAL.__contains__)
-        if next(filter(bodies.__contains__, upwards(prim.path)), "") in tied
-    )
+    carrier, tied = joined_bodies(stage).carrier, _tied_bodies(stage)
+    physical = stage.with_api(_PHYSICAL.__contains__)
+    return tuple(prim for prim in physical if carrier(prim.path) in tied)
 
 
 def _uneven(shape: Prim) -> str:
