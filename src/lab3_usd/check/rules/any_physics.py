@@ -101,9 +101,8 @@ def simulation_owner(subject: ModelSubject) -> Iterator[Problem]:
         owners = tuple(next(iter(end.relationships.get(_OWNER, ())), "") for end in ends if end)
         if len(owners) == len(BODIES) and len({*owners}) > 1:
             whose = [f"owner {owner}" if owner else "no simulation owner" for owner in owners]
-            first, second = (
-                f"{path} ({owner})" for path, owner in zip(bodies(joint), whose, strict=True)
-            )
+            pairs = zip(bodies(joint), whose, strict=True)
+            first, second = (f"{path} ({owner})" for path, owner in pairs)
             yield Problem(
                 joint.path,
                 f"connects {first} with {second}: PhysX creates no joint across scenes",

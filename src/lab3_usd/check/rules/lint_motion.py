@@ -110,42 +110,29 @@ def wheel_cannot_turn(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `physics:upperLimit = 90` on the joint of a wheel.
     """
-    judged: set[str] = set()
-    for command, wheels in wheel_commands(subject.stage):
+    stage, judged = subject.stage, set[str]()
+    for command, wheels in wheel_commands(stage):
+        driver = command.node.path
         for joint in wheels:
-            if joint.path in judged:
-                continue
+            obstacles = () if joint.path in judged else _obstacles(joint, wheels, stage)
             judged.add(joint.path)
-            for site, name, message in _obstacles(joint, wheels, subject.stage):
-                yield Problem(
-                    site,
-                    f"{message}, but {command.node.path} drives the wheel",
-                    property=name,
-                    related=(command.node.path,),
-                    rests_on=subject.stage.unknown(site, *joint.relationships.get(name or "", ())),
-                )
-        for wheel in _without_shape(wheels, subject.stage):
+            for site, name, message in obstacles:
+                text = f"{message}, but {driver} drives the wheel"
+                asset = stage.unknown(site, *joint.relationships.get(name or "", ()))
+                yield Problem(site, text, property=name, related=(driver,), rests_on=asset)
+        for wheel in _without_shape(wheels, stage):
             if wheel not in judged:
                 judged.add(wheel)
-                yield Problem(
-                    wheel,
-                    f"has no enabled collision shape: {command.node.path} turns it in the air",
-                    related=(command.node.path,),
-                    rests_on=subject.stage.unknown_below(wheel),
-                )
-        for base in sorted(_tied_to(_bases(subject.stage, wheels), FIXED, subject.stage)):
-            body = _body(base, subject.stage)
-            if body is None or body.path in judged:
-                continue
+                text = f"has no enabled collision shape: {driver} turns it in the air"
+                asset = stage.unknown_below(wheel)
+                yield Problem(wheel, text, related=(driver,), rests_on=asset)
+        bases = sorted(_tied_to(_bases(stage, wheels), FIXED, stage))
+        for body in filter(None, (_body(base, stage) for base in bases)):
+            switches = () if body.path in judged else _stops(body)
             judged.add(body.path)
-            for name, message in _stops(body):
-                yield Problem(
-                    body.path,
-                    f"{message}, but {command.node.path} drives its wheels",
-                    property=name,
-                    related=(command.node.path,),
-                    rests_on=subject.stage.unknown(body.path),
-                )
+            for name, message in switches:
+                text, asset = f"{message}, but {driver} drives its wheels", stage.unknown(body.path)
+                yield Problem(body.path, text, property=name, related=(driver,), rests_on=asset)
 
 
 def _without_shape(wheels: tuple[Prim, ...], stage: StageModel) -> list[str]:
