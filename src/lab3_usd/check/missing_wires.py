@@ -42,7 +42,7 @@ def _makers(node: Node, subject: LintSubject) -> Iterator[Node]:
         for source, _ in live_sources(node, port, subject.live):
             kind = source.type
             is_paced = kind is not None and kind.role != _SUBSCRIBER and kind.execution_inputs
-            if is_paced and subject.runs(source.path) and any(_signals(source)):
+            if is_paced and subject.runs(source.path) and _signals(source):
                 yield source
 
 
@@ -83,11 +83,10 @@ def _read_outputs(stage: StageModel) -> frozenset[tuple[str, str]]:
     )
 
 
-def _signals(node: Node) -> Iterator[str]:
-    """Yield the outputs that carry signals."""
-    for name, port in () if node.type is None else node.type.ports.items():
-        if port.is_execution and name.startswith(OUTPUT):
-            yield f"{node.path}.{name}"
+def _signals(node: Node) -> list[str]:
+    """Return the outputs that carry signals."""
+    signals = () if node.type is None else node.type.signals
+    return [f"{node.path}.{OUTPUT}{name}" for name in signals]
 
 
 def step_wire(node: Node, port: str, stage: StageModel) -> tuple[Edit, ...]:

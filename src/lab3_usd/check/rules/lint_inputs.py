@@ -382,13 +382,12 @@ def _variable(node: Node, port: str, subject: LintSubject) -> Iterator[Problem]:
 def _variables(path: str, stage: StageModel) -> list[str]:
     """Return the variables of the graphs around a node: a compound is a graph in a graph."""
     above = {*upwards(path)}
-    graphs = (graph for graph in stage.graphs if graph.path in above)
-    return [
-        name.removeprefix(VARIABLE)
-        for graph in graphs
-        for name in (*graph.attributes, *(VARIABLE + own for own in graph.variables))
-        if name.startswith(VARIABLE)
-    ]
+    names: list[str] = []
+    for graph in stage.graphs:
+        if graph.path in above:
+            written = (name for name in graph.attributes if name.startswith(VARIABLE))
+            names += (*graph.variables, *(name.removeprefix(VARIABLE) for name in written))
+    return names
 
 
 def _prim_and_property(node: Node, subject: LintSubject) -> Iterator[Problem]:
