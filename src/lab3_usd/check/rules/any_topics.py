@@ -81,14 +81,10 @@ def two_publishers(subject: ModelSubject) -> Iterator[Problem]:
     for repeats in again.values():
         first = repeats[0][0]
         names = ", ".join(dict.fromkeys(str(endpoint.topic) for endpoint, _ in repeats))
-        rivals = [other for endpoint, topic in repeats for other in topic.rivals(endpoint)]
-        paths = [end.node.path for end in (*(end for end, _ in repeats[1:]), *rivals)]
-        grades = {
-            severity_of(endpoint, other, subject=subject)
-            for endpoint, topic in repeats
-            for other in topic.rivals(endpoint)
-        }
-        severity: Severity | None = None if None in grades else "warning"
+        pairs = [(end, other) for end, topic in repeats for other in topic.rivals(end)]
+        ends = (*(end for end, _ in repeats[1:]), *(other for _, other in pairs))
+        paths = dict.fromkeys(end.node.path for end in ends if end.node.path != first.node.path)
+        is_sure = any(severity_of(*pair, subject=subject) is None for pair in pairs)
         wanted = wanted_topic(first, subject)
         yield Problem(
             first.node.path,
@@ -97,9 +93,9 @@ def two_publishers(subject: ModelSubject) -> Iterator[Problem]:
             expected="one publisher",
             actual=names,
             handout=None if wanted is None else wanted.handout,
-            related=tuple(dict.fromkeys(path for path in paths if path != first.node.path)),
-            severity=severity,
-            fix=tuple(_without(repeats, subject)) if severity is None else (),
+            related=tuple(paths),
+            severity=None if is_sure else "warning",
+            fix=tuple(_without(repeats, subject)) if is_sure else (),
             assumes=assumed(first, subject),
             covers=(once_there(first.node.path),),
         )
