@@ -318,13 +318,8 @@ def empty_render_product(subject: LintSubject) -> Iterator[Problem]:
         # A product that is named is used as it is, with its own size.
         for port in ports.size if product is None else ():
             if effective_value(node, port, subject.live) == 0:
-                yield Problem(
-                    node.path,
-                    f"{port} is 0: there is no image",
-                    property=port,
-                    expected="above 0",
-                    actual="0",
-                )
+                text = f"{port} is 0: there is no image"
+                yield Problem(node.path, text, property=port, expected="above 0", actual="0")
     for lost in lost_products(subject.stage):
         if lost.sure:
             yield Problem(

@@ -124,13 +124,8 @@ def domain_of_environment(subject: LintSubject) -> Iterator[Problem]:
             number = effective_value(context, port, subject.live)
             is_asked = effective_value(context, switch, subject.live) is True
             if is_asked and number:
-                yield Problem(
-                    context.path,
-                    f"{port} is {number}, but ROS_DOMAIN_ID wins where it is set",
-                    property=switch,
-                    expected="False",
-                    actual="True",
-                )
+                text = f"{port} is {number}, but ROS_DOMAIN_ID wins where it is set"
+                yield Problem(context.path, text, property=switch, expected="False", actual="True")
 
 
 @rule("K17", "domain-range")

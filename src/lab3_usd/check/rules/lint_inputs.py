@@ -124,12 +124,8 @@ def array_gaps(subject: LintSubject) -> Iterator[Problem]:
     for command in commands(subject.stage):
         port = command.ports.joints
         if "" in (command.names or ()) and not command.node.sources(port):
-            yield Problem(
-                command.node.path,
-                f"{port} has an empty element, and no joint has an empty name",
-                property=port,
-                expected="names of joints",
-            )
+            text = f"{port} has an empty element, and no joint has an empty name"
+            yield Problem(command.node.path, text, property=port, expected="names of joints")
     for node in nodes_of(lambda kind: kind.dynamic, subject.stage):
         items = array_items(node)
         if items is None:

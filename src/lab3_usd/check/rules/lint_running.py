@@ -130,12 +130,8 @@ def graph_not_in_scene(subject: LintSubject) -> Iterator[Problem]:
         if prim.reason == OVER and prim.type_name and not ignores(prim.path)
     )
     for path, nodes in in_overs.items():
-        yield Problem(
-            path,
-            f"holds {nodes} nodes and is only an over without a def: none of them executes",
-            severity="error",
-            rests_on=subject.stage.unknown(path),
-        )
+        text = f"holds {nodes} nodes and is only an over without a def: none of them executes"
+        yield Problem(path, text, severity="error", rests_on=subject.stage.unknown(path))
 
 
 @rule(

@@ -313,12 +313,8 @@ def unknown_message(subject: LintSubject) -> Iterator[Problem]:
     for node, kind, named in _naming(subject):
         why = (why_no_service if kind.role == "service" else why_no_message)(*named)
         if why:
-            yield Problem(
-                node.path,
-                f"{'/'.join(named)} does not exist: {why}",
-                property=NAMED[2],
-                actual="/".join(named),
-            )
+            text = f"{'/'.join(named)} does not exist: {why}"
+            yield Problem(node.path, text, property=NAMED[2], actual="/".join(named))
 
 
 @rule("K19", "service-types")

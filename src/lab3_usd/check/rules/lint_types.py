@@ -120,12 +120,8 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
             paths_by_type.setdefault(node.saved_type, []).append(node.path)
     for name, paths in paths_by_type.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
-        yield Problem(
-            paths[0],
-            f"not judged: the type '{name}' of this node{more} is unknown",
-            actual=name,
-            related=tuple(paths[1:]),
-        )
+        text = f"not judged: the type '{name}' of this node{more} is unknown"
+        yield Problem(paths[0], text, actual=name, related=tuple(paths[1:]))
 
 
 @rule(
