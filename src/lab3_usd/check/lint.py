@@ -28,20 +28,18 @@ def lint(subject: LintSubject) -> RuleResults:
     """
     try:
         files = run_rules(rules_of("model", "F"), (subject,), None)
-        stage = run_rules(rules_of("lint", "K", "Y"), (subject,), None)
-        own = run_rules(own_rules().values(), (subject,), None)
+        rules = rules_of("lint", "K", "Y")
         if subject.stage.build is not None:
-            built = run_rules(rules_of("script", "B"), (subject,), None)
-            stage = merge_results((built, stage))
+            rules = [*rules_of("script", "B"), *rules]
+        stage = run_rules(rules, (subject,), None)
+        own = run_rules(own_rules().values(), (subject,), None)
         stage = merge_results((replace(stage, findings=tuple(fold(stage.findings))), own))
         # What cannot be found leaves the stage not judged; whether it should be there is not known.
-        notes = replace(
-            files, findings=tuple(replace(finding, severity="note") for finding in files.findings)
-        )
+        missing = tuple(replace(finding, severity="note") for finding in files.findings)
         waiting = dict(_waiting(subject))
         unknown = {node.path: node.type_name for node in nodes_of_unknown_type(subject.stage)}
         return replace(
-            merge_results((notes, stage)),
+            merge_results((replace(files, findings=missing), stage)),
             gaps=tuple(_gaps(subject, waiting, unknown)),
             coverage=NodeCoverage(
                 nodes=len({*subject.live, *waiting}),
@@ -93,9 +91,8 @@ def _gaps(
     for missing in stage.unresolved:
         if missing.kind == "sublayer":
             yield f"the sublayer {missing.asset} of the stage cannot be found"
-    nodes = dict.fromkeys((*subject.live, *waiting))
     graphs: dict[str, list[str]] = {}
-    for path in nodes:
+    for path in dict.fromkeys((*subject.live, *waiting)):
         graphs.setdefault(path.rpartition("/")[0], []).append(path)
     for graph, paths in graphs.items():
         if all(path in waiting or path in unknown for path in paths):

@@ -236,17 +236,13 @@ def stamps_restart(subject: LintSubject) -> Iterator[Problem]:
     for stamp in simulated:
         first = leading[stamp.domain.name]
         if {stamp.restarts, first.restarts} == {True, False}:
+            words = ["restarts", "continues"] if stamp.restarts else ["continues", "restarts"]
             yield Problem(
                 stamp.node.path,
-                f"the time of {stamp.topic} {_restarts(stamp)} on Stop, that of {first.topic} "
-                f"{_restarts(first)}",
+                f"the time of {stamp.topic} {words[0]} on Stop, that of {first.topic} {words[1]}",
                 property=stamp.port,
                 related=(first.node.path,),
             )
-
-
-def _restarts(stamp: Stamp) -> str:
-    return "restarts" if stamp.restarts else "continues"
 
 
 @rule("K47", "no-clock", severity="warning")

@@ -292,11 +292,10 @@ def wheels_turn_apart(subject: LintSubject) -> Iterator[Problem]:
                 )
     for command, controller, pair in driven_pairs(subject.stage):
         bases = _bases(subject.stage, pair)
-        sides = [next((i for i, path in enumerate(bodies(j)) if path in bases), None) for j in pair]
-        axes = [
-            None if side is None else axis_of_joint(joint, side)
-            for joint, side in zip(pair, sides, strict=True)
-        ]
+        axes = []
+        for joint in pair:
+            sides = [side for side, path in enumerate(bodies(joint)) if path in bases]
+            axes.append(axis_of_joint(joint, sides[0]) if sides else None)
         if len(bases) != 1 or not axes[0] or not axes[1] or pair[1].path in judged:
             continue
         cosine, effect = dot(axes[0], axes[1]), ""
