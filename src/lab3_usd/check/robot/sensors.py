@@ -230,12 +230,12 @@ class View(Struct, frozen=True):
     hint: str
 
 
-def camera_misfits(
+def misfits(
     subject: StageSubject, spec: SensorSpec, place: SensorLocation
 ) -> list[PoseError | View]:
-    """Return what is wrong with the camera's position, scale and view.
+    """Return what is wrong with the pose of a sensor, and with its view where the lab asks for one.
 
-    A camera below another parent is judged by the transform that fits best.
+    A sensor below another parent is judged by the transform that fits best.
     """
     prim = place.prim
     candidates = [
@@ -250,16 +250,13 @@ def _misfits(
     subject: StageSubject, spec: SensorSpec, prim: Prim, matrix: Matrix
 ) -> list[PoseError | View]:
     tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
-    misfits: list[PoseError | View] = [
-        misfit
-        for misfit in pose_errors(prim, matrix, spec.pose, tolerance)
-        if misfit.kind != "rotate" or spec.view is None
-    ]
-    along, up = camera_axes(matrix)
-    seen = ViewSpec(along, up)
-    if spec.view is None or _is_same(seen, spec.view, tolerance.angle):
-        return misfits
-    return [*misfits, _wrong_view(spec, prim, seen, spec.view)]
+    errors = [*pose_errors(prim, matrix, spec.pose, tolerance)]
+    if spec.view is None:
+        return [*errors]
+    seen, moved = ViewSpec(*camera_axes(matrix)), (e for e in errors if e.kind != "rotate")
+    if _is_same(seen, spec.view, tolerance.angle):
+        return [*moved]
+    return [*moved, _wrong_view(spec, prim, seen, spec.view)]
 
 
 def _wrong_view(spec: SensorSpec, prim: Prim, seen: ViewSpec, expected: ViewSpec) -> View:

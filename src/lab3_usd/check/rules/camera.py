@@ -8,18 +8,17 @@ from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import restorable
 from lab3_usd.check.robot.poses import PoseError
-from lab3_usd.check.robot.sensors import CAMERA, View, camera_misfits
+from lab3_usd.check.robot.sensors import CAMERA, View
 from lab3_usd.check.rules.sensors import (
-    ROTATION,
     PresentSensor,
     attribute_demand,
     enclosed_sensors,
     left_behind_sensors,
     misplaced_sensors,
     missing_sensors,
+    pose_errors_of,
     pose_problem,
     present_sensors,
-    resets_xform_stack,
     sensor_demands,
     sensor_place,
     sensor_prim,
@@ -28,7 +27,7 @@ from lab3_usd.check.rules.sensors import (
     wrong_type_sensors,
 )
 from lab3_usd.model.finding import Problem, display
-from lab3_usd.model.stage import once_per_stage, same_value
+from lab3_usd.model.stage import same_value
 from lab3_usd.spec.scene import Plain, SensorSpec
 
 
@@ -73,17 +72,6 @@ def camera_type(subject: StageSubject) -> Iterator[Problem]:
     yield from wrong_type_sensors(subject, CAMERA)
 
 
-@once_per_stage
-def _wrong(subject: StageSubject) -> tuple[tuple[PresentSensor, PoseError | View], ...]:
-    """Return how the cameras stand and look otherwise than they should."""
-    return tuple(
-        (camera, error)
-        for camera in present_sensors(subject, CAMERA)
-        if not resets_xform_stack(camera.prim)
-        for error in camera_misfits(subject, camera.spec, camera.place)
-    )
-
-
 @rule("C04", "camera-position", scope="stage", demands=sensor_demands(CAMERA, sensor_place))
 def camera_position(subject: StageSubject) -> Iterator[Problem]:
     """The camera is at another position, scaled, or left behind.
@@ -98,9 +86,9 @@ def camera_position(subject: StageSubject) -> Iterator[Problem]:
     Example: `xformOp:translate` (0, 0, 0), where the Create menu puts it.
     """
     yield from left_behind_sensors(subject, CAMERA)
-    for camera, wrong in _wrong(subject):
-        if isinstance(wrong, PoseError) and wrong.kind != "rotate":
-            yield pose_problem(camera, wrong)
+    for camera, error in pose_errors_of(subject, CAMERA):
+        if isinstance(error, PoseError) and error.kind != "rotate":
+            yield pose_problem(camera, error)
 
 
 @rule("C05", "camera-view", scope="stage")
@@ -115,14 +103,9 @@ def camera_view(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `xformOp:orient` (0.5, 0.5, 0.5, -0.5), from (90, 0, -90) typed into the Orient field.
     """
-    for camera, wrong in _wrong(subject):
-        if isinstance(wrong, PoseError) and wrong.kind == "rotate":
-            yield pose_problem(camera, wrong)
-        if isinstance(wrong, View):
-            site, name, hint = camera.prim.path, wrong.property, wrong.hint
-            problem = Problem(site, wrong.message, name, wrong.expected, wrong.actual, hint=hint)
-            unmet, related = f"{camera.group}/{ROTATION}", camera.place.related
-            yield restorable(problem, camera.spec.pose.handout, unmet, related=related)
+    for camera, error in pose_errors_of(subject, CAMERA):
+        if isinstance(error, View) or error.kind == "rotate":
+            yield pose_problem(camera, error)
 
 
 @rule("C06", "camera-lens", scope="stage", demands=sensor_demands(CAMERA, sensor_values))
@@ -178,7 +161,7 @@ def _attributes(subject: StageSubject, is_asked: Callable[[bool | str], bool]) -
     for camera in present_sensors(subject, CAMERA):
         required = camera.spec.required.items()
         attributes = {name: entry for name, entry in required if is_asked(entry.required)}
-        yield from wrong_attributes(subject, camera, attributes)
+        yield from wrong_attributes(subject, camera, attributes, camera.prim.attributes.get)
 
 
 @rule("C08", "camera-aperture", scope="stage", severity="warning")

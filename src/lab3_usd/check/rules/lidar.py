@@ -18,7 +18,6 @@ from lab3_usd.check.robot.sensors import LIDAR, blind_range, place_of, second_li
 from lab3_usd.check.rules.sensor_values import refused_values
 from lab3_usd.check.rules.sensors import (
     PresentSensor,
-    attribute_demand,
     enclosed_sensors,
     left_behind_sensors,
     misplaced_sensors,
@@ -30,6 +29,7 @@ from lab3_usd.check.rules.sensors import (
     sensor_place,
     sensor_prim,
     sensor_values,
+    wrong_attributes,
     wrong_type_sensors,
 )
 from lab3_usd.facts.sensor_values import SensorValues, listed_entries, reading_rates, values_of
@@ -114,17 +114,9 @@ def lidar_rate(subject: StageSubject) -> Iterator[Problem]:
 
     Example: `omni:sensor:tickRate` 20.
     """
-    for sensor in present_sensors(subject, LIDAR):
-        prim = sensor.prim
-        values = values_of(prim, subject.stage)
-        for name, entry in sensor.spec.required.items():
-            if not same_value(values.get(name), entry.value):
-                expected, actual_text = display(entry.value), display(prim.attributes.get(name))
-                message = f"{name} is {actual_text}, expected {expected}"
-                problem = Problem(prim.path, message, name, expected, actual_text)
-                unmet, related = attribute_demand(sensor.group, name), sensor.place.related
-                asset = subject.stage.unknown_value(prim, name)
-                yield restorable(problem, entry.handout, unmet, related=related, rests_on=asset)
+    for lidar in present_sensors(subject, LIDAR):
+        values = values_of(lidar.prim, subject.stage)
+        yield from wrong_attributes(subject, lidar, lidar.spec.required, values.get)
 
 
 def _scan(spec: SensorSpec, group: str) -> Iterator[Demand]:

@@ -6,7 +6,7 @@ Missing, misplaced, of another type, or there before the handout asks for them.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator, Mapping
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 from lab3_usd.check.match.rule_inputs import StageSubject
 from lab3_usd.check.registry import Demand, Demands, rule
@@ -17,20 +17,19 @@ from lab3_usd.check.robot.poses import (
     ORDER,
     RESET,
     PoseError,
-    pose_errors,
-    sensor_tolerance,
 )
 from lab3_usd.check.robot.sensors import (
     CAMERA,
     LIDAR,
     OTHER,
     SensorLocation,
-    candidate_transforms,
+    View,
     enclosing,
     find_sensor,
     judging_kind,
     later_sensors,
     lidars,
+    misfits,
     sensor_candidates,
     sensor_group,
     sensors_of,
@@ -40,7 +39,7 @@ from lab3_usd.model.changes import ApplySchema, MovePrim, RemovePrim, RemoveSche
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.physics import BODY_API, BODY_ENABLED, bodies, is_switched_off, joints
 from lab3_usd.model.prims import Prim, is_at_or_below
-from lab3_usd.model.stage import absence_reason, once_per_stage, same_value
+from lab3_usd.model.stage import absence_reason, listed_once, once_per_stage, same_value
 from lab3_usd.model.transforms import Part
 from lab3_usd.spec.lab import Checkpoint, Lab
 from lab3_usd.spec.scene import PoseSpec, SensorAttribute, SensorSpec
@@ -236,20 +235,28 @@ def misposed_sensors(subject: StageSubject, kind: str) -> Iterator[Problem]:
 
     One below another parent is judged by the transform that fits best.
     """
-    tolerance = sensor_tolerance(subject.lab.scene, subject.stage)
+    for sensor, error in pose_errors_of(subject, kind):
+        yield pose_problem(sensor, error)
+
+
+@listed_once
+def pose_errors_of(
+    subject: StageSubject, kind: str
+) -> Iterator[tuple[PresentSensor, PoseError | View]]:
+    """Yield what is wrong with the poses and views of sensors that move with their links."""
     for sensor in present_sensors(subject, kind):
         if not resets_xform_stack(sensor.prim):
-            transforms = candidate_transforms(subject.stage, sensor.place)
-            pose = sensor.spec.pose
-            judged = [
-                [*pose_errors(sensor.prim, transform, pose, tolerance)] for transform in transforms
-            ]
-            for error in min(judged, key=len, default=[]):
-                yield pose_problem(sensor, error)
+            for error in misfits(subject, sensor.spec, sensor.place):
+                yield sensor, error
 
 
-def pose_problem(sensor: PresentSensor, error: PoseError) -> Problem:
-    """Return one part of a sensor's pose that is wrong."""
+def pose_problem(sensor: PresentSensor, error: PoseError | View) -> Problem:
+    """Return one part of a sensor's pose that is wrong, or its view."""
+    related, handout = sensor.place.related, sensor.spec.pose.handout
+    if isinstance(error, View):
+        site, name, hint = sensor.prim.path, error.property, error.hint
+        problem = Problem(site, error.message, name, error.expected, error.actual, hint=hint)
+        return restorable(problem, handout, f"{sensor.group}/{ROTATION}", related=related)
     is_only = sensor.name == sensor.spec.kind  # `the lidar`, where the lab calls it so
     name, the = (sensor.name, "the ") if is_only else (sensor.prim.name, "")
     problem = Problem(
@@ -260,24 +267,26 @@ def pose_problem(sensor: PresentSensor, error: PoseError) -> Problem:
         error.actual,
         hint=f"select {the}{name} and {error.hint}",
     )
-    unmet, related = part_of_pose(sensor.group, error.kind), sensor.place.related
-    return restorable(problem, sensor.spec.pose.handout, unmet, related=related)
+    return restorable(problem, handout, part_of_pose(sensor.group, error.kind), related=related)
 
 
 def wrong_attributes(
-    subject: StageSubject, sensor: PresentSensor, required: Mapping[str, SensorAttribute]
+    subject: StageSubject,
+    sensor: PresentSensor,
+    required: Mapping[str, SensorAttribute],
+    value_of: Callable[[str], Any],
 ) -> Iterator[Problem]:
     """Yield each attribute of a sensor with another value than the lab asks for.
 
-    One that is asked only where it is written may be missing.
+    One that is asked only where it is written may be missing. `value_of` tells what one has.
     """
     prim, related = sensor.prim, sensor.place.related
     for name, entry in required.items():
         actual, wanted = prim.attributes.get(name), entry.value
-        if same_value(actual, wanted) or (actual is None and entry.required is not True):
+        if same_value(value_of(name), wanted) or (actual is None and entry.required is not True):
             continue
         expected, actual_text = display(wanted), display(actual)
-        default_text = "" if actual is not None else ", which leaves USD's own default"
+        default_text = "" if actual is not None else ", which leaves the default of its schema"
         message = f"{name} is {actual_text}{default_text}, expected {expected}"
         problem = Problem(prim.path, message, name, expected, actual_text)
         unmet, asset = attribute_demand(sensor.group, name), subject.stage.unknown_value(prim, name)
@@ -373,7 +382,9 @@ def sensor_attribute(subject: StageSubject) -> Iterator[Problem]:
     Example: `sensorPeriod` 0.1 on an IMU that should measure at each physics step.
     """
     for sensor in present_sensors(subject, OTHER):
-        yield from wrong_attributes(subject, sensor, sensor.spec.required)
+        yield from wrong_attributes(
+            subject, sensor, sensor.spec.required, sensor.prim.attributes.get
+        )
 
 
 def _schemas(spec: SensorSpec, group: str) -> Iterator[Demand]:
