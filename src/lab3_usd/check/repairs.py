@@ -19,6 +19,7 @@ from lab3_usd.model.changes import (
     ClearValue,
     Connect,
     Edit,
+    MovePrim,
     RemovePrim,
     RenameProperty,
     Restore,
@@ -47,6 +48,19 @@ def restoration(path: str, stage: StageModel) -> Edit:
     """Return what brings back an absent prim: one that is only deactivated is activated."""
     prim = stage.prims.get(path)
     return Restore(path) if prim is None or prim.active else Activate(path)
+
+
+def moved_back(problem: Problem, path: str, places: tuple[str, ...]) -> Problem:
+    """Return the problem of an absent prim, which seems to be the one at the first of `places`."""
+    if not places:
+        return problem
+    return replace(
+        problem,
+        message=f"{problem.message}; it seems to be the prim at {places[0]}",
+        related=places,
+        hint=f"rename or drag {places[0]} back to {path} in the Stage panel",
+        fix=(MovePrim(places[0], path),) if len(places) == 1 else (),
+    )
 
 
 def restorable(

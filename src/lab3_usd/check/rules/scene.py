@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import RobotSubject, StageSubject
 from lab3_usd.check.registry import Demand, rule
-from lab3_usd.check.repairs import restorable, restoration
+from lab3_usd.check.repairs import moved_back, restorable, restoration
 from lab3_usd.check.robot.axles import held_at, holder_of, rest_frames
 from lab3_usd.check.robot.ground import UP
 from lab3_usd.check.robot.location import demanded_prims, same_named_prims
@@ -20,7 +20,7 @@ from lab3_usd.check.rules.sensors import EMPTY, part_of_pose, pose_demands
 from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.values import same_numbers
-from lab3_usd.model.changes import Edit, MovePrim, RemovePrim, Restore
+from lab3_usd.model.changes import MovePrim, RemovePrim, Restore
 from lab3_usd.model.finding import Problem, Severity
 from lab3_usd.model.physics import bodies, bodies_below
 from lab3_usd.model.prims import Prim, is_at_or_below
@@ -92,25 +92,17 @@ def missing_prim(subject: RobotSubject) -> Iterator[Problem]:
             if path in subject.relocations
             else same_named_prims(stage, root.path, path.rpartition("/")[2])
         )
-        place_text, hint = "", None
-        fix: tuple[Edit, ...] = (restoration(path, stage),)
-        if places:
-            place_text = f"; it seems to be the prim at {places[0]}"
-            hint = f"rename or drag {places[0]} back to {path} in the Stage panel"
-            fix = (MovePrim(places[0], path),) if len(places) == 1 else ()
         problem = Problem(
             path,
-            f"{path} {reason}{place_text}",
+            f"{path} {reason}",
             expected=path,
             actual=reason,
             handout=handout,
-            related=places,
-            hint=hint,
-            fix=fix,
+            fix=(restoration(path, stage),),
             absent=True,
             rests_on=asset,
         )
-        yield with_missing_graphs(problem, subject)
+        yield with_missing_graphs(moved_back(problem, path, places), subject)
 
 
 def _units(lab: Lab, checkpoint: Checkpoint) -> Iterator[Demand]:

@@ -9,7 +9,7 @@ from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import RobotSubject
 from lab3_usd.check.registry import Demand, Demands, rule
-from lab3_usd.check.repairs import restorable
+from lab3_usd.check.repairs import moved_back, restorable
 from lab3_usd.check.robot.ground import (
     AXIS,
     UP,
@@ -35,7 +35,7 @@ from lab3_usd.check.robot.poses import (
     root_tolerance,
 )
 from lab3_usd.check.robot.sensors import darkened, shares_of
-from lab3_usd.model.changes import ApplySchema, Edit, MovePrim, RemoveSchema, Restore
+from lab3_usd.model.changes import ApplySchema, Edit, RemoveSchema, Restore
 from lab3_usd.model.finding import Problem, Severity, display
 from lab3_usd.model.physics import (
     BODY_API,
@@ -296,25 +296,18 @@ def _missing(
     site = min(off, default=usual)
     reason = f": {site} {absence_reason(subject.stage, site)}" if off else ""
     related = (usual,) if site != usual else ()
-    fix: tuple[Edit, ...] = tuple(map(Restore, (site, *related)))
-    hint = None
-    dragged = same_named_prims(subject.stage, robot, usual.rpartition("/")[2]) if not top else ()
-    if len(dragged) == 1:
-        reason += f"; {usual} seems to be the prim at {dragged[0]}"
-        hint = f"drag {dragged[0]} back to {usual} in the Stage panel"
-        related, fix = dragged, (MovePrim(dragged[0], usual),)
-    message = f"the scene has no {title.split(' ', 1)[1]}{reason}"
-    return Problem(
+    problem = Problem(
         site,
-        message,
+        f"the scene has no {title.split(' ', 1)[1]}{reason}",
         expected=title,
         handout=part.handout,
         related=related,
-        hint=hint,
-        fix=fix,
+        fix=tuple(map(Restore, (site, *related))),
         unmet=unmet,
         rests_on=_missing_environment(subject),
     )
+    dragged = () if top else same_named_prims(subject.stage, robot, usual.rpartition("/")[2])
+    return moved_back(problem, usual, dragged) if len(dragged) == 1 else problem
 
 
 # What shapes a link, and so how low it reaches: the beginnings of properties.
@@ -378,14 +371,14 @@ def not_at_rest(subject: RobotSubject) -> Iterator[Problem]:
             handout=section,
             related=(basis,),
             severity=severity,
-            fix=_moved_back(subject, body, basis),
+            fix=_put_back(subject, body, basis),
             unmet=(at_rest(spec),),
             covers=tuple((path, OPERATIONS["translate"][0]) for path in upwards(basis)),
             assumes=tuple((f"{body}/", name) for name in SHAPE),
         )
 
 
-def _moved_back(subject: RobotSubject, body: str, basis: str) -> tuple[Edit, ...]:
+def _put_back(subject: RobotSubject, body: str, basis: str) -> tuple[Edit, ...]:
     """Return the repair of a body or its ground; a ground may be displaced by a prim above it."""
     if body != subject.robot.path:
         return (Restore(body), Restore(basis))
