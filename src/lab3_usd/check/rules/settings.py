@@ -291,31 +291,29 @@ def namespace(subject: GraphSubject) -> Iterator[Problem]:
     """
     name = INPUT + subject.lab.platform.ros.namespace
     for node, spec in subject.matched:
-        for port in subject.spec.free_inputs[spec.role]:
-            if port.name != name:
-                continue
-            value = effective_value(node, name, subject.live_nodes)
-            if not isinstance(value, str):
-                continue
-            is_moved, sources = bool(resolved_topic(value)), node.sources(port.name)
-            if not (is_moved or value.isspace()):
-                continue
-            if is_moved and resolves_as_asked(node, spec, subject):
-                continue
-            hint = f"select {role_title(spec)} and clear {port.short} in the Property panel"
-            if sources:
-                hint = f"delete the wire from {', '.join(map(short_source, sources))}"
-            yield Problem(
-                node.path,
-                f"{port.name} is {display(value)}, expected no namespace",
-                port.name,
-                expected="''",
-                actual=display(value),
-                handout=spec.handout,
-                severity=None if is_moved else "note",
-                hint=hint,
-                fix=edits_at(subject, f"{node.path}.{port.name}"),
-            )
+        value = effective_value(node, name, subject.live_nodes)
+        is_free = name in [port.name for port in subject.spec.free_inputs[spec.role]]
+        if not is_free or not isinstance(value, str):
+            continue
+        is_moved, sources, shown = bool(resolved_topic(value)), node.sources(name), display(value)
+        is_as_asked = is_moved and resolves_as_asked(node, spec, subject)
+        if is_as_asked or not (is_moved or value.isspace()):
+            continue
+        short = subject.lab.platform.ros.namespace
+        hint = f"select {role_title(spec)} and clear {short} in the Property panel"
+        if sources:
+            hint = f"delete the wire from {', '.join(map(short_source, sources))}"
+        yield Problem(
+            node.path,
+            f"{name} is {shown}, expected no namespace",
+            name,
+            "''",
+            shown,
+            spec.handout,
+            severity=None if is_moved else "note",
+            hint=hint,
+            fix=edits_at(subject, f"{node.path}.{name}"),
+        )
 
 
 @rule("P08", "topic-spelling", scope="graph", severity="note")
