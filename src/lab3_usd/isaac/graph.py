@@ -21,6 +21,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value, typed_value
 
 CORNER, _STEP = (50.0, 50.0), (350.0, 150.0)  # of the graph editor's canvas, in its units
+WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")  # as descriptions of graphs write it
 _ROLE = re.compile(r"^[A-Za-z_]\w*$")
 _PATH = re.compile(r"^(/[A-Za-z_]\w*)+$")
 _ALIKE = 0.6

@@ -223,7 +223,12 @@ def _parts(sources: Sequence[Source]) -> _Parts:
         ]
     frames = {key: value for key, value in frames.items() if value or key == "edges"}
     frames |= {"names": overrides} if overrides else {}
-    outside = tuple(_frames_outside(frames, lab))
+    tree = {name for edge in frames["edges"] for name in edge.split(" -> ")}
+    outside = tuple(
+        f"{frame.place}: '{frame.child}' is not a frame of the stage's tree"
+        for frame in named_frames(lab)
+        if tree and frame.child not in tree
+    )
     differing += changing
     return _Parts(texts, names, scene, frames, lab, outside, differing, optional)
 
@@ -380,14 +385,6 @@ def _tree(edges: Collection[tuple[str, str]], bases: Iterable[str]) -> dict[str,
     deeper = list(dict.fromkeys(base for base in bases if any(base in edge for edge in edges)))
     below = {"deeper_under": deeper if deeper[1:] else deeper[0]} if deeper else {}
     return {"edges": [f"{parent} -> {child}" for parent, child in edges], **below}
-
-
-def _frames_outside(frames: Mapping[str, Any], lab: Lab) -> Iterator[str]:
-    """Yield the frames of messages that the described tree does not have, with their places."""
-    tree = {name for edge in frames["edges"] for name in edge.split(" -> ")}
-    for frame in named_frames(lab):
-        if tree and frame.child not in tree:
-            yield f"{frame.place}: '{frame.child}' is not a frame of the stage's tree"
 
 
 def refuse_existing_folder(folder: Path) -> None:

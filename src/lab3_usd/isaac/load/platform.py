@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
@@ -20,6 +19,7 @@ from lab3_usd.isaac.behaviour import (
     TargetOf,
     UnitOf,
 )
+from lab3_usd.isaac.graph import WIRE
 from lab3_usd.isaac.load.graph_form import GraphEntry, graph_form
 from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
 from lab3_usd.isaac.load.sensor_models import sensor_models
@@ -65,7 +65,6 @@ EARLY = "early_releases.yaml"
 RENAMES = "renames.yaml"
 CHANGES = "release_changes.yaml"
 RECIPES = "recipes"
-_WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
 
 
 class _Renames(Struct, forbid_unknown_fields=True):
@@ -361,7 +360,7 @@ def _check_recipe(recipe: Recipe, types: Mapping[str, NodeType], file: str) -> N
             if kind.input(port) is None and not kind.grows_by_message:
                 raise SpecError(f"{file}: {role}: {node.type} has no input '{port}'")
     for text in recipe.wires:
-        match = _WIRE.match(text)
+        match = WIRE.match(text)
         ends = (match[1], match[3]) if match else ()
         if match is None or any(role not in recipe.nodes for role in ends):
             raise SpecError(f"{file}: wire '{text}': is not written 'role.port -> role.port'")

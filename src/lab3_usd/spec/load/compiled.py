@@ -66,11 +66,6 @@ class Packed(Mapping[str, _Entry], Generic[_Entry]):
             entry = self._entries[name] = pickle.loads(self._packed[name])  # noqa: S301 - as trusted as its file
         return entry
 
-    def get(self, name: str, default: _Entry | None = None) -> _Entry | None:  # type: ignore[override]
-        """Return an entry as above, else the default."""
-        entry = self._entries.get(name)
-        return self[name] if entry is None and name in self._packed else entry or default
-
     def __contains__(self, name: object) -> bool:
         """Whether there is an entry, which stays packed."""
         return name in self._packed
@@ -152,8 +147,8 @@ def _kept(folder: Path, load: Callable[[Path], Lab]) -> bytes:
 
 
 def _joined(checksum: int, content: bytes) -> bytes:
-    sums = (checksum, zlib.crc32(content))
-    return b"".join((*(each.to_bytes(_NUMBER, "big") for each in sums), content))
+    """Return a content with a sum of it, and of what it was made of, before it."""
+    return zlib.crc32(content, checksum).to_bytes(_NUMBER, "big") + content
 
 
 def _checksum(folder: Path) -> int:
@@ -185,11 +180,8 @@ def _sum(files: Iterable[Path], checksum: int) -> int:
 def _read(path: Path, checksum: int) -> bytes | None:
     """Return the content of a file that is whole and up to date, None for another."""
     try:
-        with path.open("rb") as file:
-            # The checksum comes first, so that a stale file is never even read.
-            if file.read(_NUMBER) != checksum.to_bytes(_NUMBER, "big"):
-                return None
-            whole, content = int.from_bytes(file.read(_NUMBER), "big"), file.read()
+        stored = path.read_bytes()
     except OSError:
         return None
-    return content if content and zlib.crc32(content) == whole else None
+    content = stored[_NUMBER:]
+    return content if content and _joined(checksum, content) == stored else None

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import re
 from collections import Counter
 from collections.abc import Iterator, Mapping
 from contextlib import contextmanager
@@ -14,6 +13,7 @@ from msgspec.structs import replace
 from lab3_usd.errors import GraphError, SpecError
 from lab3_usd.isaac.graph import (
     CORNER,
+    WIRE,
     checked_added,
     checked_path,
     checked_role,
@@ -31,7 +31,6 @@ from lab3_usd.isaac.values import is_known_type, typed_value
 from lab3_usd.spec.graph import EarlierValues, GraphSpec, NodeSpec, Setting, Target, Variable, Wire
 from lab3_usd.yaml_file import as_record
 
-_WIRE = re.compile(r"^(\w+)\.(\w+) -> (\w+)\.(\w+)$")
 # By the section of the handout, or all in that of the node or the graph.
 _BySection = dict[str, tuple[str, ...]] | tuple[str, ...]
 _Targets = dict[str, tuple[str, ...]]
@@ -250,7 +249,7 @@ def _wires(
 
 
 def _wire(text: str, section: str, nodes: Mapping[str, NodeSpec]) -> Wire:
-    match = _WIRE.match(text)
+    match = WIRE.match(text)
     if match is None:
         raise GraphError("is not written 'role.port -> role.port'")
     for role in (match[1], match[3]):
