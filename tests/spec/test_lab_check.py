@@ -57,7 +57,27 @@ def line(text: str) -> Callable[[Any], Any]:
     )
 
 
+_JOINT = {"handout": "5.4", "type": "PhysicsRevoluteJoint", "links": ["base_link", "base_scan"]}
 ERRORS: dict[str, Case] = {
+    "joint of a wheel as another joint": (
+        "scene.yaml",
+        lambda said: said["robot"].setdefault("joints", {}).update(wheel_left_joint=_JOINT),
+        "scene.yaml: robot: joints: wheel_left_joint: 'wheel_left_joint' is the joint of a wheel",
+    ),
+    "limits the wrong way round": (
+        "scene.yaml",
+        lambda said: (
+            said["robot"].setdefault("joints", {}).update(turn=_JOINT | {"limits": [1.0, -1.0]})
+        ),
+        "scene.yaml: robot: joints: turn: limits: the lower limit, 1, is not below the upper one",
+    ),
+    "drive below nothing": (
+        "scene.yaml",
+        lambda said: (
+            said["robot"].setdefault("joints", {}).update(push=_JOINT | {"stiffness": -1.0})
+        ),
+        "scene.yaml: robot: joints: push: stiffness is -1, which is negative",
+    ),
     "mass below nothing": (
         "scene.yaml",
         lambda said: said["robot"]["links"]["base_link"].update(mass=-0.8),

@@ -120,6 +120,11 @@ WRONG_NODES = {
         put("nodes", "ros2_context", "type", value="omni.isaac.ros2_bridge.ROS2Context"),
         ("ros2_context", "omni.isaac.ros2_bridge.ROS2Context"),
     ),
+    "variable of no type of USD": (
+        CLOCK,
+        put("variables", value={"speed": {"type": "velocity", "value": 1.0}}),
+        ("variables: speed", "'velocity' is not the USD type of a value"),
+    ),
     "missing type": (CLOCK, drop("nodes", "ros2_context", "type"), ("ros2_context", "type")),
     "unknown port": (
         CLOCK,
@@ -335,6 +340,17 @@ WRONG_SCENES = {
     ),
     "view in words": (put("sensors", "camera", "view", "up", value="Z"), ("view", "'up'")),
     "scan without limits": (drop("sensors", "lidar", "scan", "whole"), ("lidar", "scan", "whole")),
+    "view along nothing": (
+        put("sensors", "camera", "view", "along", value=[0.0, 0.0, 0.0]),
+        ("camera", "along and up are directions"),
+    ),
+    "one robot and several": (put("robots", value={"two": {}}), ("'robot' or 'robots'",)),
+    "value of a thing that is only a type": (
+        put(
+            "props", value={"lamp": {"path": "/Lamp", "handout": "A1", "set": {"a": {"type": "x"}}}}
+        ),
+        ("lamp", "set: a: is written as {type: float, value: 1.0}"),
+    ),
     "left wheel that is none": (put("robot", "wheels", "left", value="left"), ("left", "joint")),
     "wheels that are no joints": (put("robot", "wheels", "joints", value=[]), ("wheels", "joints")),
 }

@@ -36,6 +36,8 @@ def changed(folder: Path, old: str, new: str) -> RosSpec:
         ("succeeded: 4\n", "succeeded: 4\n  reached: 4\n", "reached"),
         ("publishers: 1\n", "publisher: 1\n", "publisher"),
         ("extra: true}", "extra: maybe}", "extra"),
+        ("ros2 topic hz {of}", "ros2 topic hz {topic}", "'{topic}' is not a placeholder"),
+        ("ros2 topic hz {of}", "ros2 topic hz {of", "expected '}'"),
     ],
 )
 def test_a_slip_is_one_line_that_names_it(tmp_path: Path, old: str, new: str, said: str) -> None:
