@@ -28,12 +28,13 @@ from pxr import Sdf, Usd
 
 from lab3_usd.errors import UsageError
 from lab3_usd.features.live.sim_live import closing_lines
+from lab3_usd.isaac.topics import JOINT_STATES, STEERING
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.qos import Qos as Offered
 from lab3_usd.sim.execution.recording import JointStates, Message, Steering, Transform
 from lab3_usd.sim.execution.world import STATIC
 from lab3_usd.sim.robots import expected_of, robots_of
-from lab3_usd.sim.ros_messages import JOINTS, STEERING, serialized
+from lab3_usd.sim.ros_messages import serialized
 from lab3_usd.sim.timeline import Player, player_of
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
@@ -371,7 +372,9 @@ def test_every_command_of_every_robot_is_heard(link: DdsLink) -> None:
     robots = robots_of(scene, platform)
     player = player_of(scene, platform, replace(expected_of(robots[0]), domain=0))
     send_car = sender(link, link.home, "/drive", STEERING, Steering(0.5, 0.1))
-    send_arm = sender(link, there, "/joint_command", JOINTS, JointStates(("elbow_joint",), (0.4,)))
+    send_arm = sender(
+        link, there, "/joint_command", JOINT_STATES, JointStates(("elbow_joint",), (0.4,))
+    )
     machine = player.world.machines.articulation("/arm")
     assert machine is not None
     assert player.robot is not None
@@ -388,7 +391,7 @@ def test_every_command_of_every_robot_is_heard(link: DdsLink) -> None:
     play_live(player, link, moved, lambda *subscriber: opened.append(subscriber))
     assert sorted(opened) == [
         ("/drive", STEERING, link.home),
-        ("/joint_command", JOINTS, there),
+        ("/joint_command", JOINT_STATES, there),
     ]
     assert driven.posture().base.origin[0] > 0.1
     assert elbow.position == pytest.approx(0.4, abs=0.1)
@@ -396,7 +399,7 @@ def test_every_command_of_every_robot_is_heard(link: DdsLink) -> None:
 
 @pytest.mark.parametrize(
     ("made", "commands"),
-    [(rover, f"/cmd_vel ({TWIST})"), (arm, f"/joint_command ({JOINTS})")],
+    [(rover, f"/cmd_vel ({TWIST})"), (arm, f"/joint_command ({JOINT_STATES})")],
 )
 def test_a_stage_of_no_checkpoint_is_driven_by_its_own_commands(
     made: Callable[[], Usd.Stage], commands: str, tmp_path: Path, domain: int

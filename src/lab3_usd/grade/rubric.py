@@ -299,10 +299,12 @@ def _check_dry_run(item: Item, lab: Lab, place: str) -> None:
     """Refuse what no dry run shows: no topic, check or kind of fault, of a robot of the lab."""
     if not item.dry_run:
         return
-    from lab3_usd.sim.arms import JOINTS
+    from lab3_usd.isaac.topics import JOINT_STATES
     from lab3_usd.sim.judge.checks import CHECKS, OF_JOINTS
 
-    has_joints = any(topic.subscribed and topic.type == JOINTS for topic in lab.topics.values())
+    has_joints = any(
+        topic.subscribed and topic.type == JOINT_STATES for topic in lab.topics.values()
+    )
     checks = (*CHECKS, *OF_JOINTS) if has_joints else (*CHECKS,)
     for name in item.dry_run:
         robot, _, of_robot = name.rpartition(": ")

@@ -7,7 +7,13 @@ from functools import lru_cache
 
 from lab3_usd.isaac.node_types import INPUT, NodeType
 
-TRANSFORMS = "tf2_msgs/msg/TFMessage"
+# Types of messages.
+CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
+TWIST, STEERING = "geometry_msgs/msg/Twist", "ackermann_msgs/msg/AckermannDriveStamped"
+ODOMETRY = "nav_msgs/msg/Odometry"
+SCAN, POINTS = "sensor_msgs/msg/LaserScan", "sensor_msgs/msg/PointCloud2"
+IMAGE, CAMERA_INFO = "sensor_msgs/msg/Image", "sensor_msgs/msg/CameraInfo"
+JOINT_STATES = "sensor_msgs/msg/JointState"
 STATIC = "_static"  # what the topic of transforms that never change has more
 PRODUCT = f"{INPUT}renderProductPath"
 _ENDS = r"^[^A-Za-z0-9]+|[^A-Za-z0-9]+$"

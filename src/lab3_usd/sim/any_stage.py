@@ -13,10 +13,11 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.topics import CAMERA_INFO, CLOCK, JOINT_STATES, TRANSFORMS
 from lab3_usd.model.dry_run import AXES, Affine, Check, Scene, about, heading
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.physics.machine import Machine
-from lab3_usd.sim.arms import JOINTS, arm_checks
+from lab3_usd.sim.arms import arm_checks
 from lab3_usd.sim.commands import (
     commanded_once,
     domain_of,
@@ -38,8 +39,6 @@ from lab3_usd.sim.own_view import own_view
 from lab3_usd.sim.plays import Play, shown_plays
 from lab3_usd.sim.robots import Robot, hears_commands, owned_graphs, scene_for
 from lab3_usd.sim.streams import (
-    CLOCK,
-    TRANSFORMS,
     advancing,
     spoken_of,
     stamped,
@@ -48,7 +47,6 @@ from lab3_usd.sim.streams import (
 )
 from lab3_usd.sim.timeline import uncollected
 
-CAMERA_INFO = "sensor_msgs/msg/CameraInfo"
 THROUGH = 0.02  # part of a range by which a ray may be longer
 REPEATED = 4  # times that a transform comes which is no static one
 _MOVED = 1e-3  # metres or radians; less is numerical noise
@@ -195,7 +193,7 @@ def _robot_checks(
     if play.scrubs:
         text = f"the wheels of {robot.name} slide in a turn: its angle is unknown"
         play.recording.remarks.append(text)
-    if robot.kind == JOINTS:
+    if robot.kind == JOINT_STATES:
         checks = arm_checks(play, scene, robot.machine, robot.controller)
     else:
         seen = _as_it_shows(own_view(robot, robots, play, scene), robot.machine, scene)

@@ -13,6 +13,7 @@ from typing import get_args
 from msgspec import Struct
 from msgspec.structs import replace
 
+from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.dry_run import Affine, Check, Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, JointCommand, moving_command
@@ -32,7 +33,6 @@ from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_ro
 from lab3_usd.sim.mounting import carried_streams, held_frames
 from lab3_usd.sim.nodes.transforms import frame_name
 
-JOINTS, TRANSFORMS = "sensor_msgs/msg/JointState", "tf2_msgs/msg/TFMessage"
 TURN, WAY = 0.3, 0.05  # radians and metres that the last joint is commanded to go
 LEAST_SHARE = 1 / 3  # of that for the first joint; each goes further than the one before
 MARGIN = 0.1  # part of its limits by which a joint that cannot stand at 0 keeps from them

@@ -7,10 +7,11 @@ from collections.abc import Iterator, Sequence
 
 from msgspec.structs import replace
 
+from lab3_usd.isaac.topics import JOINT_STATES, TRANSFORMS
 from lab3_usd.model.dry_run import Check, Scene, heading
 from lab3_usd.model.transforms import Vector
 from lab3_usd.physics.machine import Wheel
-from lab3_usd.sim.arms import JOINTS, TRANSFORMS, shown_prims
+from lab3_usd.sim.arms import shown_prims
 from lab3_usd.sim.execution.drive import STEERED
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.judge.causes import RunCauses
@@ -44,7 +45,7 @@ def rival(robot: Robot, robots: Sequence[Robot]) -> Robot | None:
         if (
             robot.machine.base == other.machine.base
             and other.commands != robot.commands
-            and (JOINTS in {robot.kind, other.kind}) == (robot.kind == other.kind == JOINTS)
+            and (robot.kind == JOINT_STATES) == (other.kind == JOINT_STATES)
             and robot.moved & other.moved
             and not robot.controllers & other.controllers
         ):
@@ -67,11 +68,11 @@ def commanded_once(robots: Sequence[Robot]) -> Iterator[RunFault]:
 
 def hears_itself(trial: Trial, robots: Sequence[Robot]) -> Iterator[RunFault]:
     """No joint states are published where joints are commanded: they would be commands."""
-    commands = {robot.commands: robot for robot in robots if robot.kind == JOINTS}
+    commands = {robot.commands: robot for robot in robots if robot.kind == JOINT_STATES}
     sent = {
         (domain_of(message, trial), message.topic): message.node
         for message in trial.recording.messages
-        if message.type == JOINTS
+        if message.type == JOINT_STATES
     }
     for endpoint, robot in commands.items():
         node = sent.get((endpoint.domain, endpoint.topic))
@@ -276,5 +277,5 @@ def unmoved(robot: Robot, trial: Trial) -> Check:
     """Return the failed check of a robot whose commands reach no joints."""
     text = f"commands on {robot.commands.topic} move nothing"
     reason = "there is no articulation at its target"
-    name = "joints" if robot.kind == JOINTS else "follows"
+    name = "joints" if robot.kind == JOINT_STATES else "follows"
     return verdict(name, [RunFault(text, "no-articulation", robot.controller, reason)], trial)

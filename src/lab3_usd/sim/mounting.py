@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from lab3_usd.isaac.topics import CAMERA_INFO, POINTS
 from lab3_usd.model.dry_run import Affine, Scene
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.physics import BODY_API
@@ -14,7 +15,6 @@ from lab3_usd.sim.judge.expectations import RunFault, Trial, agree, in_root
 from lab3_usd.sim.judge.sensors import apart_from_images, moves_with_base
 from lab3_usd.sim.nodes.transforms import frame_name
 
-_CLOUD, _INFO = "sensor_msgs/msg/PointCloud2", "sensor_msgs/msg/CameraInfo"
 _SENSORS = ("Camera", "OmniLidar", "OmniRadar")
 _AXES, _OWN = "omni:sensor:Core:outputFrameOfReference", "SENSOR"
 CLOCKS_APART = 0.5  # seconds, from which on two messages are not of one clock
@@ -144,7 +144,7 @@ def _of_another_robot(
 
 def _turned(message: Message, sensor: str, off: Affine) -> RunFault | None:
     """Return the fault of points in a frame that is turned against them."""
-    is_cloud = message.type == _CLOUD or isinstance(message.data, Scan)
+    is_cloud = message.type == POINTS or isinstance(message.data, Scan)
     if not is_cloud or abs(off.rigid().quaternion()[0]) > _TURNED:
         return None
     is_camera = isinstance(message.data, View)
@@ -156,22 +156,23 @@ def _turned(message: Message, sensor: str, off: Affine) -> RunFault | None:
 def pairs(trial: Trial) -> Iterator[RunFault]:
     """Each camera info agrees with the images beside it in camera, frame and size."""
     last = {key: messages[-1] for key, messages in streams(trial.recording.messages).items()}
+    infos = {key: message for key, message in last.items() if message.type == CAMERA_INFO}
     shown: dict[tuple[str, str], str] = {}  # the topic of each camera info, by node and camera
-    for (_, topic), info in last.items():
-        if info.type == _INFO and shown.setdefault((info.node, info.data.sensor), topic) != topic:
-            first = shown[info.node, info.data.sensor]
+    for (_, topic), info in infos.items():
+        first = shown.setdefault((info.node, info.data.sensor), topic)
+        if first != topic:
             text = f"{first} and {topic} of a stereo pair both show {info.data.sensor}"
             yield RunFault(text, "wrong-render-product", info.node)
-    for (domain, topic), info in last.items():
+    for (domain, topic), info in infos.items():
         space, _, name = topic.rpartition("/")
-        if info.type != _INFO or name != "camera_info":
+        if name != "camera_info":
             continue
         images = [
             message
             for (other, path), message in last.items()
             if (other, path.rpartition("/")[0]) == (domain, space)
             and isinstance(message.data, View)
-            and message.type not in {_INFO, _CLOUD}
+            and message.type not in {CAMERA_INFO, POINTS}
         ]
         yield from _unlike(info, images)
 

@@ -8,8 +8,9 @@ from msgspec.structs import replace
 
 from lab3_usd.facts.tree import SentTransform
 from lab3_usd.facts.tree import tree_of as build_tree
+from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.arms import TRANSFORMS, are_of, shown_prims
+from lab3_usd.sim.arms import are_of, shown_prims
 from lab3_usd.sim.execution.recording import Message, kept_transforms
 from lab3_usd.sim.judge.expectations import Trial, in_root
 from lab3_usd.sim.nodes.transforms import frame_name

@@ -12,16 +12,15 @@ from msgspec.structs import replace
 
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.topics import JOINT_STATES, TWIST
 from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.physics import BODY_API
-from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.commands import as_of_kind
 from lab3_usd.sim.execution.drive import Session, drive_of, fixed_drive
 from lab3_usd.sim.execution.world import Standing
 from lab3_usd.sim.judge.expectations import Expected, Trial
 from lab3_usd.sim.robots import (
     ROLLERS,
-    TWIST,
     WHEEL_BASE,
     Robot,
     drive_for,
@@ -81,7 +80,7 @@ def asked_plays(
         topic = wanted.joint_commands
         if topic:
             told = (robot for robot in robots if robot.hears(topic, wanted.domain))
-            arm = next((robot for robot in told if robot.kind == JOINTS), None)
+            arm = next((robot for robot in told if robot.kind == JOINT_STATES), None)
             seen = replace(expected_of(arm), commands=topic, joint_commands=topic)
             plays.append(_driven(name, replace(seen, domain=wanted.domain), arm, scene))
     return [replace(play, among=robots) for play in plays]

@@ -12,9 +12,10 @@ from msgspec.structs import replace
 from lab3_usd.errors import UsageError
 from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
+from lab3_usd.isaac.topics import JOINT_STATES, ODOMETRY, STEERING, TRANSFORMS, TWIST
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.physics.machine import Machine
-from lab3_usd.sim.arms import JOINTS, TRANSFORMS, Reach, joint_drive, reach_of
+from lab3_usd.sim.arms import Reach, joint_drive, reach_of
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Standing, World, open_endpoint
@@ -23,9 +24,6 @@ from lab3_usd.sim.nodes.robot import articulated
 from lab3_usd.sim.nodes.transforms import frame_name
 from lab3_usd.sim.timeline import Player, in_metres, player_of
 
-TWIST = "geometry_msgs/msg/Twist"
-STEERING = "ackermann_msgs/msg/AckermannDriveStamped"
-ODOMETRY = "nav_msgs/msg/Odometry"
 LOOKED_AT = 12  # frames of a first play without commands, which shows who listens to what
 AHEAD, TURN = 0.15, 0.8  # metres and radians a second, unless a controller allows less
 LEG, RAMPS, LONGEST = 2.0, 12.0, 20.0  # seconds; how many times a robot takes to get going
@@ -196,7 +194,7 @@ def listening_robots(
 
 def hears_commands(kind: NodeType) -> bool:
     """Whether nodes of a type subscribe to commands for robots."""
-    return SUBSCRIBER in kind.role and kind.message.get("", "") in {TWIST, STEERING, JOINTS}
+    return SUBSCRIBER in kind.role and kind.message.get("", "") in {TWIST, STEERING, JOINT_STATES}
 
 
 def _listening(player: Player) -> Iterator[Robot]:
@@ -216,7 +214,7 @@ def _listening(player: Player) -> Iterator[Robot]:
             if controller.type.drives is not None:
                 machine = articulated(controller, world)
                 speeds, ramp = _allowed(behind, world)
-                reach = _reach(controller, machine, player) if kind == JOINTS else Reach()
+                reach = _reach(controller, machine, player) if kind == JOINT_STATES else Reach()
                 robot = Robot(
                     machine,
                     controller.path,
@@ -329,7 +327,7 @@ def _watched(
     world, nodes = player.world, player.program.nodes
     prims, sent = world.scene.prims, world.network.sent
     body = next((body for body in machine.rest if frame_name(prims[body]) in frames), machine.base)
-    body = machine.base if robot.kind == JOINTS else body
+    body = machine.base if robot.kind == JOINT_STATES else body
     publisher = ""
     for node in nodes.values():
         if node.memory.get("path") in machine.rest:
@@ -373,7 +371,7 @@ def expected_of(robot: Robot | None) -> Expected:
     return Expected(
         domain=robot.commands.domain,
         commands=robot.commands.topic,
-        joint_commands=robot.commands.topic if robot.kind == JOINTS else "",
+        joint_commands=robot.commands.topic if robot.kind == JOINT_STATES else "",
         wheel_radius=robot.wheel_radius,
         centre=robot.centre,
         robot=robot.body,
@@ -386,7 +384,7 @@ def drive_for(robot: Robot | None, unit: float) -> tuple[Session, ...]:
     """Return the drive of a robot, as slow as its controllers let it go."""
     if robot is None:
         return (Session((Leg("idle", LEG),)),)
-    if robot.kind == JOINTS and robot.machine is not None:
+    if robot.kind == JOINT_STATES and robot.machine is not None:
         return joint_drive(robot.machine, robot.reach, unit)
     ahead, turn = robot.speeds
     seconds = min(LONGEST, max(LEG, RAMPS * robot.ramp))

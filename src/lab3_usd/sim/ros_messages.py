@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 from rosbags.typesys import Stores, get_types_from_msg, get_typestore
 
+from lab3_usd.isaac.topics import JOINT_STATES, STEERING, TWIST
 from lab3_usd.model.dry_run import Quaternion
 from lab3_usd.model.transforms import Vector
 from lab3_usd.sim.execution.drive import Leg, joint_command
@@ -23,8 +24,7 @@ from lab3_usd.sim.execution.recording import (
 )
 
 STORE = get_typestore(Stores.ROS2_HUMBLE)
-TWIST, JOINTS = "geometry_msgs/msg/Twist", "sensor_msgs/msg/JointState"
-STEERING, _STEERED = "ackermann_msgs/msg/AckermannDriveStamped", "ackermann_msgs/msg/AckermannDrive"
+_STEERED = "ackermann_msgs/msg/AckermannDrive"
 # Of a package that is not in ROS 2 itself (ros-drivers/ackermann_msgs, ros2).
 _DRIVE = "float32 steering_angle\nfloat32 steering_angle_velocity\nfloat32 speed\n"
 _DRIVE += "float32 acceleration\nfloat32 jerk\n"
@@ -69,8 +69,8 @@ def serialized(message: Message) -> bytes | None:
 def command_message(leg: Leg) -> tuple[str, bytes]:
     """Return the message of a leg, and its type."""
     if leg.joints:
-        message = Message(JOINTS, 0.0, data=joint_command(leg))
-        return JOINTS, serialized(message) or b""
+        message = Message(JOINT_STATES, 0.0, data=joint_command(leg))
+        return JOINT_STATES, serialized(message) or b""
     if leg.steer is not None:
         message = Message(STEERING, 0.0, data=Steering(leg.forward, leg.steer))
         return STEERING, serialized(message) or b""

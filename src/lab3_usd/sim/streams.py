@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Collection, Iterator
 from itertools import pairwise
 
+from lab3_usd.isaac.topics import CLOCK, TRANSFORMS
 from lab3_usd.model.qos import unmatched
 from lab3_usd.sim.commands import domain_of
 from lab3_usd.sim.execution.recording import Message
@@ -12,7 +13,6 @@ from lab3_usd.sim.execution.world import NOT_OPENED, SUBSCRIBER
 from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial
 
-CLOCK, TRANSFORMS = "rosgraph_msgs/msg/Clock", "tf2_msgs/msg/TFMessage"
 STUCK = 0.1  # part of the stamps of a node that may be no later than the ones before
 PUBLISHING = ("publisher", "helper")
 

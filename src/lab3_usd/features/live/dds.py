@@ -25,11 +25,12 @@ from msgspec.structs import replace
 from rosbags.interfaces import Nodetype
 
 from lab3_usd.errors import UsageError
+from lab3_usd.isaac.topics import JOINT_STATES, STEERING, TWIST
 from lab3_usd.model.qos import Qos as Profile
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import JointStates, Message, Steering
 from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Twist
-from lab3_usd.sim.ros_messages import JOINTS, STEERING, STORE, TWIST, nanoseconds, serialized
+from lab3_usd.sim.ros_messages import STORE, nanoseconds, serialized
 from lab3_usd.sim.timeline import Player, unknown_in
 
 _OF: Any = types  # the library types no subscripts of its own
@@ -202,7 +203,7 @@ def _are_speeds(*numbers: float) -> bool:
 
 _COMMANDS: Mapping[str, Callable[[Any], Command | None]] = {
     TWIST: _twist_of,
-    JOINTS: _joints_of,
+    JOINT_STATES: _joints_of,
     STEERING: _steering_of,
 }
 

@@ -14,7 +14,7 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import RecordingError
 from lab3_usd.isaac.platform import Platform
-from lab3_usd.sim.arms import JOINTS
+from lab3_usd.isaac.topics import CLOCK, JOINT_STATES, ODOMETRY, SCAN, STEERING, TRANSFORMS, TWIST
 from lab3_usd.sim.bag.decoder import is_read
 from lab3_usd.sim.bag.driven import follows_side
 from lab3_usd.sim.bag.judge import (
@@ -32,10 +32,7 @@ from lab3_usd.sim.judge.checks import ASKED
 from lab3_usd.sim.judge.expectations import Look
 from lab3_usd.sim.judge.topics import tree
 from lab3_usd.sim.outcome import DryRun
-from lab3_usd.sim.robots import ODOMETRY, STEERING, TWIST, expected_of
-from lab3_usd.sim.streams import CLOCK, TRANSFORMS
-
-SCAN = "sensor_msgs/msg/LaserScan"
+from lab3_usd.sim.robots import expected_of
 
 Kinds = Mapping[tuple[str, str], tuple[Offered, ...]]
 
@@ -89,8 +86,8 @@ def robots_in(kinds: Kinds, commanded: Collection[str]) -> tuple[RecordedRobot, 
         return [topic for topic, of in kinds if of == kind]
 
     told, steered = named(TWIST), named(STEERING)
-    states = [topic for topic in named(JOINTS) if topic not in commanded]
-    commands = [topic for topic in named(JOINTS) if topic in commanded]
+    states = [topic for topic in named(JOINT_STATES) if topic not in commanded]
+    commands = [topic for topic in named(JOINT_STATES) if topic in commanded]
     trees = _trees(kinds) or named(TRANSFORMS)
     bases = named(ODOMETRY) or states or trees or [""]
     robots = []
@@ -148,11 +145,13 @@ def _usual_commands(platform: Platform, kinds: Kinds) -> Iterator[str]:
     names = {
         port.default
         for kind in platform.types.values()
-        if kind.role == "subscriber" and JOINTS in kind.message.values()
+        if kind.role == "subscriber" and JOINT_STATES in kind.message.values()
         for port in map(kind.port, kind.topics)
         if port is not None
     }
-    yield from (topic for topic, of in kinds if of == JOINTS and topic.split("/")[-1] in names)
+    yield from (
+        topic for topic, of in kinds if of == JOINT_STATES and topic.split("/")[-1] in names
+    )
 
 
 def _topics_of(robot: RecordedRobot, kinds: Kinds, robots: int) -> Topics:

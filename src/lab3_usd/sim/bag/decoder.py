@@ -10,10 +10,11 @@ from typing import Any, NamedTuple
 import numpy as np
 from rosbags.serde import SerdeError
 
+from lab3_usd.isaac.topics import IMAGE, STEERING, TRANSFORMS
 from lab3_usd.model.dry_run import Affine, heading, rotation
 from lab3_usd.model.occupancy import OccupancyMap
 from lab3_usd.sim.execution.recording import JointStates, Odometry, Scan, Steering, Transform, View
-from lab3_usd.sim.ros_messages import STEERING, STORE
+from lab3_usd.sim.ros_messages import STORE
 
 _NANOSECONDS = 1e9
 MOST_NAMES = 2000  # frames, goals, joints
@@ -85,8 +86,7 @@ def decode(kind: str, data: bytes) -> Decoded | None:
     return read(message)
 
 
-_LISTS = {"tf2_msgs/msg/TFMessage", "action_msgs/msg/GoalStatusArray"}
-IMAGE = "sensor_msgs/msg/Image"
+_LISTS = {TRANSFORMS, "action_msgs/msg/GoalStatusArray"}
 
 
 def _image(data: bytes) -> Decoded | None:

@@ -16,8 +16,8 @@ from msgspec.structs import replace
 from lab3_usd.deliverables.maps import MapError, map_of_stage
 from lab3_usd.errors import RecordingError
 from lab3_usd.facts.tree import SentTransform, Tree, tree_of
+from lab3_usd.isaac.topics import CLOCK, JOINT_STATES, STEERING, TRANSFORMS
 from lab3_usd.model.dry_run import HERE, Behaviour, Topic, Unknown
-from lab3_usd.sim.arms import JOINTS
 from lab3_usd.sim.bag.driven import (
     follows_side,
     joints_there,
@@ -44,15 +44,13 @@ from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.sensors import SHORT
 from lab3_usd.sim.judge.topics import SLOW, expected_at, expected_of_each, map_topic, reached_topics
 from lab3_usd.sim.outcome import DryRun, behaviour_of, judge_each
-from lab3_usd.sim.robots import STEERING
-from lab3_usd.sim.streams import CLOCK, TRANSFORMS
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import GoalSpec, TopicSpec
 
 GAP = 0.5  # seconds without a transform
 QUIET = 3.0  # seconds without the transform of localization
 LEAST = 0.5  # metres to drive, from which on the whole way is judged
-TWIST = (0.05, 0.3)  # m/s or rad/s, and part, between speeds and the way
+AGREES = (0.05, 0.3)  # m/s or rad/s, and part, between speeds and the way
 BARELY = 0.1  # of the simulation's time in the time that passes, below which a clock stands
 STUCK = 0.1  # part of the messages whose stamp may not advance
 _FRAMES = ("header.frame_id", "child_frame_id")
@@ -187,7 +185,7 @@ def odometry(recorded: Recorded) -> Iterator[RunFault]:
         pairs = [(linear, ahead / leg.seconds)]
         if abs(leg.turn * leg.seconds) < math.pi / 2:
             pairs.append((angular, turned / leg.seconds))
-        if any(abs(a - b) > TWIST[0] + TWIST[1] * abs(b) for a, b in pairs):
+        if any(abs(a - b) > AGREES[0] + AGREES[1] * abs(b) for a, b in pairs):
             yield RunFault(
                 f"the speeds of odometry do not agree with its path {leg.name}",
                 "wrong-odometry-velocity",
@@ -340,7 +338,7 @@ def _topics_asked(lab: Lab, checkpoint: str) -> Iterator[tuple[str, Topics]]:
     asked |= expected_of_each(lab, lab.checkpoints[checkpoint])
     status = "" if lab.ros.goal is None else lab.ros.goal.status
     for name, wanted in asked.items():
-        states = next((topic for topic, kind in wanted.types.items() if kind == JOINTS), "")
+        states = next((topic for topic, kind in wanted.types.items() if kind == JOINT_STATES), "")
         yield name, Topics(wanted, status, *map_topic(lab, checkpoint), states)
 
 

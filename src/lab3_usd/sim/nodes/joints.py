@@ -8,13 +8,13 @@ from __future__ import annotations
 import math
 
 from lab3_usd.isaac.pure_nodes import are_numbers
+from lab3_usd.isaac.topics import JOINT_STATES
 from lab3_usd.physics.machine import SLIDER, Joint
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import JointStates, Message
 from lab3_usd.sim.execution.world import World, open_endpoint, send
 from lab3_usd.sim.nodes.robot import joints_at, received
 
-_TYPE = "sensor_msgs/msg/JointState"
 _ROTATION, _TRANSLATION = 0, 1  # of a degree of freedom
 _DIGITS = 4  # to which states are rounded (RM:1190, 1250)
 _STATES = ("jointNames", "jointPositions", "jointVelocities", "jointEfforts", "jointDofTypes")
@@ -87,7 +87,7 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
         tuple([round(x * k, _DIGITS) for x, k in zip(velocities, scales, strict=True)]),
         tuple(map(float, efforts)),
     )
-    send(node, world, endpoint, Message(_TYPE, stamp, data=data))
+    send(node, world, endpoint, Message(JOINT_STATES, stamp, data=data))
     return True
 
 

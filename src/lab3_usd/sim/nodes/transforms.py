@@ -10,6 +10,7 @@ from functools import cached_property
 
 from msgspec import Struct
 
+from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.dry_run import Affine, Scene, ScenePrim
 from lab3_usd.model.physics import EXCLUDED
 from lab3_usd.model.transforms import Vector
@@ -202,9 +203,6 @@ def _links(machine: Machine) -> dict[str, str]:
     return links
 
 
-TF = "tf2_msgs/msg/TFMessage"
-
-
 @computes("ROS2PublishRawTransformTree")
 def publish_raw_transform(node: NodeInstance, world: World) -> bool:
     """RN/nodes/OgnROS2PublishRawTransformTree.cpp:60-140."""
@@ -225,7 +223,7 @@ def _send_tree(node: NodeInstance, world: World, endpoint: RosEndpoint, tree: Tr
         return False
     node.memory["sent"] = True
     stamp = node.stamp(world)
-    send(node, world, endpoint, Message(TF, stamp, data=tree, static=static))
+    send(node, world, endpoint, Message(TRANSFORMS, stamp, data=tree, static=static))
     return True
 
 
