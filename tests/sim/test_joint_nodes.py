@@ -167,7 +167,7 @@ def heard(world: World, command: JointStates) -> Any:
     world.network.commands = RosEndpoint(0, "/joint_command")
     subscriber = node(f"{ROS}ROS2SubscribeJointState")
     assert subscriber.compute(world)  # opens
-    world.network.command = (1, command)
+    world.network.tell(command)
     subscriber.compute(world)
     return subscriber
 

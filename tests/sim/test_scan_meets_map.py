@@ -145,7 +145,7 @@ def test_a_frame_stands_where_its_last_transform_put_it(
         sent(3.0, 3.0, "second"),
     ]
     trial = Trial(Recording(4.0, messages), (), EXPECTED)
-    found = {name: in_root(trial, Message("", at, name, at=at)) for name in ("first", "second")}
+    found = {name: in_root(trial, name, Message("", at, at=at)) for name in ("first", "second")}
     assert {name: place.origin[0] for name, place in found.items() if place} == places
 
 

@@ -110,7 +110,7 @@ def test_a_twist_is_held_and_told_once() -> None:
     here = world()
     subscriber = node(f"{ROS}ROS2SubscribeTwist")
     assert subscriber.compute(here)  # opens
-    here.network.command = (1, ((0.2, 0.0, 0.0), (0.0, 0.0, 0.5)))
+    here.network.tell(((0.2, 0.0, 0.0), (0.0, 0.0, 0.5)))
     assert subscriber.compute(here)
     assert subscriber.enabled == ["execOut"]
     assert subscriber.outputs["angularVelocity"] == (0.0, 0.0, 0.5)
@@ -119,7 +119,7 @@ def test_a_twist_is_held_and_told_once() -> None:
     assert subscriber.outputs["linearVelocity"] == (0.2, 0.0, 0.0)
     elsewhere = node(f"{ROS}ROS2SubscribeTwist", {"topicName": "cmd"})
     elsewhere.compute(here)
-    here.network.command = (2, here.network.command[1])
+    here.network.tell(((0.2, 0.0, 0.0), (0.0, 0.0, 0.5)))
     assert not elsewhere.compute(here)
 
 

@@ -62,7 +62,7 @@ def test_a_command_to_steer_is_held() -> None:
     here.network.commands = RosEndpoint(0, "/ackermann_cmd")
     subscriber = node("isaacsim.ros2.bridge.ROS2SubscribeAckermannDrive")
     assert subscriber.compute(here)
-    here.network.command = (1, Steering(1.0, 0.2))
+    here.network.tell(Steering(1.0, 0.2))
     assert subscriber.compute(here)
     assert subscriber.enabled == ["execOut"]
     assert (subscriber.outputs["speed"], subscriber.outputs["steeringAngle"]) == (1.0, 0.2)

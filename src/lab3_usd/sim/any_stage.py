@@ -28,8 +28,8 @@ from lab3_usd.sim.commands import (
 )
 from lab3_usd.sim.execution.recording import Message, Recording, kept_transforms
 from lab3_usd.sim.execution.world import standing_of
-from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
-from lab3_usd.sim.judge.checks import OF_ALL, asked_checks, graphs, judge, verdict
+from lab3_usd.sim.judge.causes import DRIVEN
+from lab3_usd.sim.judge.checks import ASKED, OF_ALL, asked_checks, graphs, judge, verdict
 from lab3_usd.sim.judge.expectations import Expected, Look, RunFault, Trial, agree, in_root
 from lab3_usd.sim.judge.sensors import MISSED, WALL, scans
 from lab3_usd.sim.judge.topics import clock, tree
@@ -67,7 +67,7 @@ class Played(Struct, frozen=True):
     def has_commands(self) -> bool:
         """Whether a stage has nodes that hear or give commands, and nothing was driven by them."""
         causes = self.plays[0].trial.causes
-        nodes = causes.program.nodes.values() if isinstance(causes, RunCauses) else ()
+        nodes = causes.program.nodes.values() if causes is not None else ()
         return not self.robots and any(
             node.type.drives is not None or hears_commands(node.type) for node in nodes
         )
@@ -78,7 +78,7 @@ class Played(Struct, frozen=True):
         if self.robots:
             return ""
         trial = self.plays[0].trial
-        if isinstance(trial.causes, RunCauses) and trial.causes.robot is not None:
+        if trial.causes is not None and trial.causes.robot is not None:
             return "no ROS command reaches the joints of a robot"
         return "no robot was found: no bodies that joints hold together"
 
@@ -169,7 +169,7 @@ def _failing(plays: Sequence[Judged], whole: Sequence[Check]) -> Iterator[RunFau
         for word in (check.prim, *check.text.replace(";", " ").split())
     }
     causes_of_plays = [play.trial.causes for play in plays]
-    causes = [each for each in causes_of_plays if isinstance(each, RunCauses)]
+    causes = [each for each in causes_of_plays if each is not None]
     for path in causes[0].program.nodes if causes else ():
         running = [each.program.nodes.get(path) for each in causes]
         failures = [node.failure for node in running if node is not None]
@@ -213,7 +213,7 @@ def joint_checks(play: Play, trial: Trial, scene: Scene) -> list[Check]:
     if play.robot is not None:
         return [*_robot_checks(play.robot, play.among, trial, scene)]
     text = f"commands on {play.wanted.commands} in domain {play.wanted.domain} move no joint"
-    cause = trial.causes.of_joints() if isinstance(trial.causes, RunCauses) else None
+    cause = trial.causes.of_joints() if trial.causes is not None else None
     fault = RunFault(text, "does-not-move")
     if cause is not None:
         fault = RunFault(text, cause.kind or fault.kind, cause.prim, cause.reason)
@@ -246,7 +246,7 @@ def _has_tree(trial: Trial) -> bool:
 def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     """Yield the checks that concern no robot: graphs, and clock and TF of each domain."""
     recording = trial.recording
-    if recording.fired or any(trial.causes.of_graphs() if trial.causes is not None else ()):
+    if ASKED["graphs"](trial):
         yield verdict("graphs", list(graphs(trial)), trial)
     if spoken_of(trial):
         faults = [*unheard(trial), *hears_itself(trial, robots), *of_another(trial, robots)]
@@ -316,8 +316,7 @@ def moving(trial: Trial) -> Iterator[RunFault]:
     wanted = trial.wanted
     messages = _moving_messages(trial)
     for message in messages[len(messages) // 4 :: max(1, len(messages) // 4)]:
-        base = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
-        place, pose = in_root(trial, base), trial.pose(message)
+        place, pose = in_root(trial, wanted.base, message), trial.pose(message)
         if place is None:
             continue
         stands = trial.start.then(place)
@@ -352,7 +351,7 @@ def _moving_messages(trial: Trial) -> list[Message]:
 def placed_scan(trial: Trial) -> Iterator[RunFault]:
     """Scans end before walls where TF puts the lidar; what stands nearer may be the robot."""
     message = scans(trial)[-1]
-    place, seen = in_root(trial, message), message.data
+    place, seen = in_root(trial, message.frame, message), message.data
     if place is None or trial.walls is None:
         text = f"TF does not have {message.frame} below {trial.wanted.root or 'any frame'}"
         yield RunFault(text, "unknown-frame", message.node, sure=False)

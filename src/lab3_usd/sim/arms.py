@@ -27,7 +27,6 @@ from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Held, JointStates, Message, Odometry
 from lab3_usd.sim.execution.world import World
-from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.checks import verdict
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_root
 from lab3_usd.sim.mounting import carried_streams, held_frames
@@ -357,7 +356,7 @@ def _off_target(name: str, held: Sequence[Held]) -> str:
 
 def _stopped(trial: Trial, controller: str) -> Cause | None:
     """Return what keeps commands from the joints, at least the node that gives them."""
-    if not isinstance(trial.causes, RunCauses):
+    if trial.causes is None:
         return None
     node = trial.causes.program.nodes.get(controller)
     if node is None:
@@ -371,7 +370,7 @@ def shown_prims(trial: Trial, node: str) -> dict[str, str]:
     Those that they are relative to are left out.
     """
     causes = trial.causes
-    running = causes.program.nodes.get(node) if isinstance(causes, RunCauses) else None
+    running = causes.program.nodes.get(node) if causes is not None else None
     return {
         prim: feeding.path
         for feeding in (running.feeding if running is not None else ())
@@ -419,7 +418,7 @@ def links(trial: Trial, scene: Scene) -> Iterator[RunFault]:
         first: tuple[Affine, Affine] | None = None
         for link, place in held.links.items():
             frame = frame_name(scene.prims[link])
-            published = in_root(trial, Message("", held.at, frame, at=held.at, session=0))
+            published = in_root(trial, frame, held)
             if published is None:
                 continue
             if first is None:

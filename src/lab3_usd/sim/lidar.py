@@ -7,6 +7,7 @@ from collections.abc import Callable, Iterable, Iterator
 from functools import lru_cache
 
 from msgspec import Struct, field
+from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Affine, Scene, Segment
 from lab3_usd.physics.machines import Machines
@@ -58,6 +59,14 @@ def sweep(beam: Beam, segments: tuple[Segment, ...]) -> tuple[float, ...]:
                 if across > 0 and near <= area / across < ranges[ray]:
                     ranges[ray] = area / across
     return tuple(distance if distance <= beam.far else NOTHING for distance in ranges)
+
+
+def measured(beam: Beam, segments: tuple[Segment, ...], unit: float) -> tuple[float, ...]:
+    """Return what a beam in metres measures of segments in units of the stage, in metres."""
+    if unit == 1.0:
+        return sweep(beam, segments)
+    ranges = sweep(replace(beam, near=beam.near / unit, far=beam.far / unit), segments)
+    return tuple(distance if distance < 0 else distance * unit for distance in ranges)
 
 
 def _touched(beam: Beam, segment: Segment) -> tuple[range, float, float, float]:

@@ -55,7 +55,10 @@ def own_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFaul
             text = f"{first.frame} does not move with {trial.wanted.base}, and {first.topic} shows"
             yield RunFault(f"{text} {first.data.sensor}", "loose-sensor", first.node)
             continue
-        frame, place = in_root(trial, first), trial.start.inverse().then(first.data.place)
+        frame, place = (
+            in_root(trial, first.frame, first),
+            trial.start.inverse().then(first.data.place),
+        )
         off = None if frame is None else frame.inverse().then(place)
         yield from _misplaced(first, off, scene, machine)
 
@@ -94,10 +97,9 @@ def _offsets(trial: Trial, scene: Scene, messages: Sequence[Message]) -> Iterato
         if held.session or not shown:
             continue
         place = shown[-1].data.place
-        frame = in_root(trial, Message("", 0.0, shown[-1].frame, at=held.at))
+        frame = in_root(trial, shown[-1].frame, held)
         for link, stands in held.links.items():
-            name = frame_name(scene.prims[link])
-            published = in_root(trial, Message("", 0.0, name, at=held.at))
+            published = in_root(trial, frame_name(scene.prims[link]), held)
             if published is not None and frame is not None:
                 seen = published.inverse().then(frame)
                 yield seen.inverse().then(stands.inverse().then(place))

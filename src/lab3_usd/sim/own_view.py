@@ -87,5 +87,5 @@ def own_view(robot: Robot, robots: Sequence[Robot], played: Trial, scene: Scene)
         start=robot.start,
     )
     sent = recording.topic(wanted.transforms, 0)
-    place = in_root(trial, replace(sent[0], frame=base)) if sent else None
+    place = in_root(trial, base, sent[0]) if sent else None
     return trial if place is None else replace(trial, start=robot.start.then(place.inverse()))

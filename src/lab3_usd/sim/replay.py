@@ -116,7 +116,7 @@ def _points(trial: Trial, message: Message | None) -> tuple[tuple[float, float],
     if message is None or not isinstance(message.data, Scan):
         return ()
     scan = message.data
-    by_frames = in_root(trial, message)
+    by_frames = in_root(trial, message.frame, message)
     place = trial.start.then(by_frames) if by_frames is not None else scan.place
     if place is None:
         return ()

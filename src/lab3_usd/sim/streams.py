@@ -10,7 +10,6 @@ from lab3_usd.model.qos import unmatched
 from lab3_usd.sim.commands import domain_of
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.world import NOT_OPENED, SUBSCRIBER
-from lab3_usd.sim.judge.causes import RunCauses
 from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial
 
 STUCK = 0.1  # part of the stamps of a node that may be no later than the ones before
@@ -23,9 +22,7 @@ def unheard_clock(seen: Trial, topics: Collection[tuple[str, int, str]]) -> Iter
     rclcpp subscribes to /clock in no namespace (rclcpp/src/rclcpp/time_source.cpp, humble).
     """
     message = seen.recording.messages[0]
-    node = (
-        seen.causes.program.nodes.get(message.node) if isinstance(seen.causes, RunCauses) else None
-    )
+    node = seen.causes.program.nodes.get(message.node) if seen.causes is not None else None
     usual = node.type.port(node.type.topics[0]) if node is not None else None
     heard = f"/{usual.default}" if usual is not None else message.topic
     if message.topic != heard and (CLOCK, seen.wanted.domain, heard) not in topics:
@@ -48,7 +45,7 @@ def untold(trial: Trial) -> Iterator[RunFault]:
 def publishers(trial: Trial) -> Iterator[tuple[str, Cause | None]]:
     """Yield the nodes that are to publish, each with what keeps it from doing so."""
     causes = trial.causes
-    if not isinstance(causes, RunCauses):
+    if causes is None:
         return
     for node in causes.program.nodes.values():
         cause = causes.broken(node) if node.type.role in PUBLISHING else None
@@ -87,7 +84,7 @@ def published(trial: Trial) -> Iterator[RunFault]:
 
 def unplayed(trial: Trial) -> Iterator[tuple[str, str]]:
     """Yield the publishers of graphs that are not simulated, each with what is not."""
-    if not isinstance(trial.causes, RunCauses):
+    if trial.causes is None:
         return
     program = trial.causes.program
     for path, kind in program.unwritten.items():
@@ -112,7 +109,7 @@ def repeated(trial: Trial) -> Iterator[RunFault]:
 def closed(trial: Trial) -> Iterator[RunFault]:
     """Yield the subscribers that are never opened, or never run."""
     causes = trial.causes
-    if not isinstance(causes, RunCauses):
+    if causes is None:
         return
     for node in causes.program.nodes.values():
         if SUBSCRIBER not in node.type.role:

@@ -32,7 +32,7 @@ from lab3_usd.sim.execution.recording import (
 from lab3_usd.sim.execution.world import RosEndpoint, Standing, Twist, World, Writer, send, world_of
 from lab3_usd.sim.judge.causes import DRIVEN, RunCauses
 from lab3_usd.sim.judge.expectations import SIZE, Expected, Trial
-from lab3_usd.sim.lidar import Beam, sweep
+from lab3_usd.sim.lidar import Beam, measured
 from lab3_usd.sim.nodes.sensors import UNSEEN
 from lab3_usd.sim.nodes.transforms import OPTICAL
 
@@ -77,32 +77,25 @@ def _picture(writer: Writer, world: World, stamp: float) -> Message | None:
     )
 
 
-def _scan(writer: Writer, seen_by: Beam, world: World) -> Scan:
+def _scan(writer: Writer, beam: Beam, world: World) -> Scan:
     at = world.machines.place(writer.product.sensor)
     unit = world.scene.meters_per_unit
-    beam = Beam(
-        seen_by.start,
-        seen_by.step,
-        seen_by.count,
-        seen_by.near / unit,
-        seen_by.far / unit,
-    )
     around = world.surroundings.seen(writer.product.sensor, world.machines)
     first = int((writer.rendered - 1) * writer.covered * beam.count) % beam.count
     shown = int(writer.covered * beam.count) if writer.covered < 1.0 else beam.count
 
     def measure() -> tuple[float, ...]:
-        ranges = in_unit(sweep(beam, around()), unit)
+        ranges = measured(beam, around(), unit)
         if shown == beam.count:
             return ranges
         kept = {(first + k) % beam.count for k in range(shown)}
         return tuple(distance if k in kept else -1.0 for k, distance in enumerate(ranges))
 
     return Scan(
-        seen_by.start,
-        seen_by.step,
-        seen_by.near,
-        seen_by.far,
+        beam.start,
+        beam.step,
+        beam.near,
+        beam.far,
         Later(beam.count, measure),
         in_metres(at, unit),
         1.0 / writer.turns if writer.turns else 0.0,
@@ -129,7 +122,6 @@ class Player:
         wheels = self.robot.wheels if self.robot is not None else ()
         self.driven_joints = [wheel.joint for wheel in wheels if wheel.joint.holds]
         self.recording = Recording()
-        self.commands = 0
         self.rate = physics_rate(world.scene) if self.program.events.get(STEP) else RATE
 
     def play(self, session: Session) -> None:
@@ -141,7 +133,7 @@ class Player:
         for leg in session.legs:
             for _ in range(round(leg.seconds * RATE)):
                 if frame in commands:
-                    self.hear(content_of(commands[frame]))
+                    world.network.tell(content_of(commands[frame]))
                 self.step()
                 frame += 1
                 self.recording.path.append(self._pose(leg))
@@ -150,20 +142,6 @@ class Player:
         self.recording.seconds += world.since_play
         self.program.reset()
         world.stop()
-
-    def hear(
-        self, command: Twist | JointStates | Steering, at: tuple[int, str] | None = None
-    ) -> None:
-        """Let a command come, in metres and radians a second, or where joints are to go.
-
-        It comes on the topic of the network, or, with an inbox, in a domain on a topic.
-        """
-        self.commands += 1
-        network = self.world.network
-        if network.inbox is not None and at is not None:
-            network.inbox[at] = (self.commands, command)
-        else:
-            network.command = (self.commands, command)
 
     def _held(self, leg: Leg, robot: Machine) -> Held:
         """Return where the joints and links of the robot are, and how fast the joints."""
@@ -336,15 +314,9 @@ def trial_of(player: Player, drive: Sequence[Session], wanted: Expected) -> Tria
 
     def walls(at: Affine, scan: Scan) -> tuple[float, ...]:
         """Return what a lidar would see there."""
-        beam = Beam(
-            scan.angle_min,
-            scan.angle_increment,
-            len(scan.ranges),
-            scan.range_min / unit,
-            scan.range_max / unit,
-        )
-        seen = sweep(beam, tuple(world.surroundings.around(in_metres(at, 1.0 / unit))))
-        return in_unit(seen, unit)
+        angles, limits = (scan.angle_min, scan.angle_increment), (scan.range_min, scan.range_max)
+        around = world.surroundings.around(in_metres(at, 1.0 / unit))
+        return measured(Beam(*angles, len(scan.ranges), *limits), tuple(around), unit)
 
     def cut_room() -> tuple[Segment, ...]:
         return _room(player, start)
@@ -411,13 +383,6 @@ def unknown_in(world: World) -> dict[str, str]:
         for prim, asset in world.scene.missing.items()
         if prim not in world.assumed
     }
-
-
-def in_unit(ranges: tuple[float, ...], unit: float) -> tuple[float, ...]:
-    """Return what rays measure in another unit; a ray without return stays one."""
-    if unit == 1.0:
-        return ranges
-    return tuple(distance if distance < 0 else distance * unit for distance in ranges)
 
 
 def in_metres(place: Affine, unit: float) -> Affine:

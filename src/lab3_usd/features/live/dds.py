@@ -264,7 +264,7 @@ def play_live(
     the type and the domain of each when it opens.
     """
     network = player.world.network
-    network.inbox = {}
+    network.is_open = True
     home = network.commands.domain
     subscribers = [
         (node, kind)
@@ -276,7 +276,7 @@ def play_live(
     try:
         while not done(frames):
             for domain, topic, command in link.commands():
-                player.hear(command, (home if domain == link.home else domain, topic))
+                network.tell(command, (home if domain == link.home else domain, topic))
             player.step()
             frames += 1
             for message in network.sent:
@@ -296,7 +296,7 @@ def play_live(
     return Lived(
         frames / RATE,
         took,
-        player.commands,
+        network.count,
         dict(sorted(link.sent.items())),
         link.lost,
         dict(sorted(link.refused.items())),

@@ -58,7 +58,7 @@ def tape_of_plays(scene: Scene, platform: Platform, plays: Sequence[Trial]) -> T
             sessions.setdefault((wanted.domain, wanted.commands), session)
     player = player_of(scene, platform, plays[0].wanted)
     network = player.world.network
-    network.inbox = {}
+    network.is_open = True
     told: dict[int, list[tuple[tuple[int, str], Leg]]] = {}
     frames = 0
     for place, session in sessions.items():
@@ -68,7 +68,7 @@ def tape_of_plays(scene: Scene, platform: Platform, plays: Sequence[Trial]) -> T
     commands = []
     for frame in range(frames):
         for place, leg in told.get(frame, ()):
-            player.hear(content_of(leg), place)
+            network.tell(content_of(leg), place)
             commands.append(SentCommand((frame + 1) / RATE, *place, leg))
         player.step()
     return Tape(tuple(network.sent), tuple(commands), network.commands.domain)

@@ -52,17 +52,23 @@ class Network(Struct):
     environment: str  # ROS_DOMAIN_ID of the process
     contexts: dict[int, int] = field(default_factory=dict)  # domain by handle
     sent: list[Message] = field(default_factory=list)
-    command: tuple[int, Any] = (0, None)  # the number of the last command, and the command
-    commands: RosEndpoint = RosEndpoint(0, "")  # where commands come from
-    # The last command, with its number, by domain and topic; None where only `command` comes.
-    inbox: dict[tuple[int, str], tuple[int, Any]] | None = None
+    commands: RosEndpoint = RosEndpoint(0, "")  # where commands come
+    is_open: bool = False  # whether they come elsewhere as well, as on a network with others
+    count: int = 0  # of all commands
+    # The last command, with its number, by domain and topic.
+    inbox: dict[tuple[int, str], tuple[int, Any]] = field(default_factory=dict)
 
-    def heard(self, endpoint: RosEndpoint | None) -> tuple[int, Any]:
+    def tell(self, command: Any, at: tuple[int, str] | None = None) -> None:
+        """Let a command come in a domain on a topic, by default where commands do.
+
+        It is in metres and radians a second, or says where joints are to go.
+        """
+        self.count += 1
+        self.inbox[at or (self.commands.domain, self.commands.topic)] = (self.count, command)
+
+    def heard(self, endpoint: RosEndpoint) -> tuple[int, Any]:
         """Return the number of the last command for a subscriber, and the command."""
-        if self.inbox is None:
-            return self.command
-        none = (0, None)
-        return none if endpoint is None else self.inbox.get((endpoint.domain, endpoint.topic), none)
+        return self.inbox.get((endpoint.domain, endpoint.topic), (0, None))
 
     def domain(self, handle: int) -> int | None:
         """Return the domain of a context; None where the handle means nothing."""

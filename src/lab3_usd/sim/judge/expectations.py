@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from itertools import pairwise
-from typing import Any, NamedTuple, Protocol
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from msgspec import Struct
 
@@ -14,7 +14,10 @@ from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit, OccupancyMap
 from lab3_usd.model.transforms import Vector, length, minus
 from lab3_usd.sim.execution.drive import NO_LIMITS, RATE, Leg, Session
-from lab3_usd.sim.execution.recording import Message, Pose, Recording, Scan
+from lab3_usd.sim.execution.recording import Held, Message, Pose, Recording, Scan
+
+if TYPE_CHECKING:
+    from lab3_usd.sim.judge.causes import RunCauses
 
 SIZE = (0.6, 1.5)  # how much of a command a robot with mass that follows it may do
 SOON = 6  # frames in which a robot may come to rest
@@ -108,34 +111,6 @@ def ramps_of(values: Mapping[str, float]) -> tuple[float, float]:
     return least, abs(values.get("maxAngularAcceleration", 0.0))
 
 
-class Causes(Protocol):
-    """An interface that finds the causes of faults in a run."""
-
-    def of_silence(self, topic: str, message: str) -> Cause | None:
-        """Return why no message of this type comes on a topic."""
-
-    def of_motion(self) -> Cause | None:
-        """Return why commands do not move the robot as they should."""
-
-    def of_graphs(self) -> Iterator[Cause]:
-        """Yield the parts of the graphs that never run or are dropped."""
-
-    def ramps(self) -> tuple[float, float]:
-        """Return how fast a controller lets the robot go faster, and turn; 0 without a limit."""
-
-    def doubt(self, check: str, fault: RunFault) -> bool:
-        """Whether a fault may come from what is not known."""
-
-    def asset(self, fault: RunFault) -> Cause | None:
-        """Return the missing asset that could hold what a fault misses, None where none is."""
-
-    def basis(self, check: str, prim: str) -> tuple[str, ...]:
-        """Return what a failed check rests on, from the prim at fault on."""
-
-    def is_node(self, prim: str) -> bool:
-        """Whether a prim is a node that runs."""
-
-
 class RunFault(NamedTuple):
     """A fault of a run: its message, its kind, and the prim at fault if known.
 
@@ -193,7 +168,7 @@ class Trial(Struct):
     wanted: Expected
     start: Affine = HERE
     walls: Callable[[Affine, Scan], tuple[float, ...]] | None = None
-    causes: Causes | None = None
+    causes: RunCauses | None = None
     cut_room: Callable[[], tuple[Segment, ...]] = tuple
     radius: float = 0.0  # of the robot
     tolerance: RunTolerance = EXACT
@@ -307,11 +282,11 @@ def is_about(driven: float, commanded: float) -> bool:
 PLACE = (0.02, math.radians(2.0))  # of a sensor, between TF and where it is
 
 
-def in_root(trial: Trial, message: Message) -> Affine | None:
-    """Return where TF has the frame of a message, or None where it does not have it."""
-    sent = trial.recording.tree(trial.wanted.transforms, message.session)
-    frames = {frame.child: frame for frame, _ in trial.recording.static} | sent.at(message.at)
-    frame, place = message.frame, HERE
+def in_root(trial: Trial, frame: str, moment: Message | Held) -> Affine | None:
+    """Return where TF has a frame at the time of a message, or None where it does not have it."""
+    sent = trial.recording.tree(trial.wanted.transforms, moment.session)
+    frames = {kept.child: kept for kept, _ in trial.recording.static} | sent.at(moment.at)
+    place = HERE
     for _ in range(len(frames)):
         if frame not in frames:
             break

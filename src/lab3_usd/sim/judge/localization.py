@@ -89,7 +89,7 @@ def _unmet(trial: Trial, grid: OccupancyMap, located: Located) -> float:
     messages = trial.recording.topic(trial.wanted.scan, 0)
     scans = (message for message in reversed(messages) if isinstance(message.data, Scan))
     message = next((message for message in scans if message.data.whole), None)
-    place = in_root(trial, message) if message is not None else None
+    place = in_root(trial, message.frame, message) if message is not None else None
     if message is None or place is None:
         return 0.0
     scan, at, cell = message.data, located[-1][1].then(place), grid.cells()
@@ -115,7 +115,7 @@ def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
         scan = message.data
         if not isinstance(scan, Scan) or not scan.whole:
             continue
-        place = in_root(trial, message)
+        place = in_root(trial, message.frame, message)
         if place is None:
             continue
         key = (place, scan.angle_min, scan.angle_increment, tuple(scan.ranges))

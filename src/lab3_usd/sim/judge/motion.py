@@ -306,8 +306,7 @@ def moving_frames(trial: Trial) -> Iterator[RunFault]:
         message for message in trial.recording.topic(wanted.odometry, 0) if message.data is not None
     ]
     for message in messages[len(messages) // 4 :: max(1, len(messages) // 4)]:
-        base = Message("", message.stamp, wanted.base, at=message.at, session=message.session)
-        place = in_root(trial, base)
+        place = in_root(trial, wanted.base, message)
         if place is None or not isinstance(message.data, Odometry):
             continue
         estimate = Affine(rotation(message.data.orientation), message.data.position)

@@ -29,8 +29,8 @@ def moves_with_base(trial: Trial, messages: Sequence[Message]) -> bool:
     """Whether the frame of a sensor stays where it is as seen from the base, by TF."""
     places = []
     for message in (messages[:2][-1], messages[-1]):
-        base = Message("", 0.0, trial.wanted.base, at=message.at, session=message.session)
-        sensor_place, base_place = in_root(trial, message), in_root(trial, base)
+        sensor_place = in_root(trial, message.frame, message)
+        base_place = in_root(trial, trial.wanted.base, message)
         if sensor_place is not None and base_place is not None:
             places.append(base_place.inverse().then(sensor_place))
     return len(places) <= 1 or agree(*places)
@@ -67,7 +67,7 @@ def scan(trial: Trial) -> Iterator[RunFault]:
         text += ", and nothing stands still at the height of the lidar" if is_empty else ""
         yield RunFault(text, "no-ray-returns", messages[-1].node, sure=not is_empty)
     for message in (messages[:2][-1], messages[len(messages) // 2], messages[-1]):
-        place = in_root(trial, message)
+        place = in_root(trial, message.frame, message)
         if place is None or trial.walls is None:
             continue
         seen = message.data.ranges
@@ -127,12 +127,12 @@ def apart_from_images(info: Message, images: Sequence[Message]) -> Iterator[RunF
 def _view(trial: Trial, image: Message) -> Iterator[RunFault]:
     if not isinstance(image.data, View) or image.data.place is None:
         return
-    place, actual = in_root(trial, image), trial.start.inverse().then(image.data.place)
+    place, actual = in_root(trial, image.frame, image), trial.start.inverse().then(image.data.place)
     if place is not None and not agree(place, actual):
         text = f"TF does not have {image.frame} where the camera is"
         yield RunFault(text, "misplaced-camera-frame", image.node)
     wanted = trial.wanted
-    base = in_root(trial, Message("", 0.0, wanted.base, at=image.at, session=image.session))
+    base = in_root(trial, wanted.base, image)
     if base is None and trial.recording.path:  # without TF, the run itself tells
         turned = Affine(about(AXES[2], trial.pose(image).heading))
         base = trial.start.inverse().then(turned)

@@ -16,7 +16,7 @@ from lab3_usd.model.transforms import Vector, cross, dot, length
 from lab3_usd.physics.machine import Joint, Machine
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Message, Odometry
-from lab3_usd.sim.execution.world import RosEndpoint, World, open_endpoint, opened_endpoint, send
+from lab3_usd.sim.execution.world import World, open_endpoint, opened_endpoint, send
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 
 _LIMITS = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
@@ -44,25 +44,21 @@ def received(node: NodeInstance, world: World, kind: type) -> object:
     endpoint = node.memory.get("endpoint")
     if endpoint is None:
         endpoint = open_endpoint(node, world)
-        node.memory.update(endpoint=endpoint, heard=network.heard(endpoint)[0])
+        node.memory.update(endpoint=endpoint, heard=network.heard(endpoint)[0] if endpoint else 0)
         return None
     number, command = network.heard(endpoint)
-    if network.inbox is None and endpoint.topic != network.commands.topic:
-        text = f"it listens to {endpoint.topic}, not {network.commands.topic}"
-        node.fails(text, "wrong-topic")
-    elif network.inbox is None and endpoint.domain != network.commands.domain:
+    asked = endpoint if network.is_open else network.commands
+    unmatched_by = unmatched("subscribes", node.type.message.get("", ""), endpoint.profile)
+    if endpoint.topic != asked.topic:
+        node.fails(f"it listens to {endpoint.topic}, not {asked.topic}", "wrong-topic")
+    elif endpoint.domain != asked.domain:
         node.fails(f"it listens in domain {endpoint.domain}", "wrong-domain")
-    elif network.inbox is None and (why := unheard(node, endpoint)):
-        node.fails(why, "unmatched-peer")
+    elif unmatched_by and not network.is_open:
+        node.fails(unmatched_by, "unmatched-peer")
     elif number != node.memory["heard"] and isinstance(command, kind):
         node.memory["heard"] = number
         return command
     return None
-
-
-def unheard(node: NodeInstance, endpoint: RosEndpoint) -> str:
-    """Say why a subscriber hears no publisher with the defaults of ROS 2, '' where it does."""
-    return unmatched("subscribes", node.type.message.get("", ""), endpoint.profile)
 
 
 @computes("DifferentialController")
