@@ -15,7 +15,7 @@ from recordings import Sent, on, rewritten
 from report_examples import dry_run_of
 
 from lab3_usd.errors import UsageError
-from lab3_usd.sim.bag.any_recording import RecordedRobot, judge_any_recording, robots_in
+from lab3_usd.sim.bag.any_recording import judge_any_recording, robots_in
 from lab3_usd.spec.load.loader import load_platform
 
 ARM = 5  # the domain of the arm
@@ -169,10 +169,14 @@ def test_each_topic_belongs_to_the_nearest_robot() -> None:
         ("/tf", tf): (),
         ("/b/tf", tf): (),
     }
-    assert robots_in(kinds, ()) == (
-        RecordedRobot("/a/odom", "/a/cmd_vel", "/tf", "", "", ""),
-        RecordedRobot("/b/odom", "/b/base/cmd_vel", "/b/tf", "", "", ""),
-    )
+    robots = robots_in(kinds, ())
+    assert [(robot.odometry, robot.commands, robot.transforms) for robot in robots] == [
+        ("/a/odom", "/a/cmd_vel", "/tf"),
+        ("/b/odom", "/b/base/cmd_vel", "/b/tf"),
+    ]
+    assert {(robot.scan, robot.joint_states, robot.joint_commands) for robot in robots} == {
+        ("",) * 3
+    }
 
 
 def test_no_map_is_laid_below_a_robot_of_no_lab(folder: Path) -> None:

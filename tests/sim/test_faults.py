@@ -67,7 +67,7 @@ def test_the_dry_run_knows_no_rule() -> None:
 
 
 def faults_of(trial: Trial) -> list[tuple[str, RunFault]]:
-    return [(name, fault) for name, look in CHECKS.items() for fault in look(trial)]
+    return [(name, fault) for name, look in CHECKS.items() for fault in look.faults(trial)]
 
 
 def shown(faults: list[tuple[str, RunFault]]) -> set[tuple[str, FaultKind]]:

@@ -126,8 +126,8 @@ def _shown(trial: Trial, scene: Scene) -> dict[str, str]:
         return not scene.missing or trial.causes is None or not trial.causes.doubt(check, fault)
 
     shown: dict[str, str] = {}
-    for name, check in asked_checks(trial).items():
-        faults = [fault for fault in check(trial) if is_sure(name, fault)]
+    for name, look in asked_checks(trial).items():
+        faults = [fault for fault in look.faults(trial) if is_sure(name, fault)]
         if faults and not (name == "scan" and trial.recording.assumed):
             shown |= {fault.kind: _text(fault) for fault in faults}
             shown[name] = "; ".join(map(_text, faults))

@@ -29,7 +29,7 @@ from lab3_usd.sim.commands import (
 from lab3_usd.sim.execution.recording import Message, Recording, kept_transforms
 from lab3_usd.sim.execution.world import standing_of
 from lab3_usd.sim.judge.causes import DRIVEN
-from lab3_usd.sim.judge.checks import ASKED, OF_ALL, asked_checks, graphs, judge, verdict
+from lab3_usd.sim.judge.checks import CHECKS, OF_ALL, asked_checks, graphs, judge, verdict
 from lab3_usd.sim.judge.expectations import Expected, Look, RunFault, Trial, agree, in_root
 from lab3_usd.sim.judge.sensors import MISSED, WALL, scans
 from lab3_usd.sim.judge.topics import clock, tree
@@ -246,7 +246,7 @@ def _has_tree(trial: Trial) -> bool:
 def _stage_checks(trial: Trial, robots: Sequence[Robot]) -> Iterator[Check]:
     """Yield the checks that concern no robot: graphs, and clock and TF of each domain."""
     recording = trial.recording
-    if ASKED["graphs"](trial):
+    if CHECKS["graphs"].is_asked(trial):
         yield verdict("graphs", list(graphs(trial)), trial)
     if spoken_of(trial):
         faults = [*unheard(trial), *hears_itself(trial, robots), *of_another(trial, robots)]

@@ -14,7 +14,7 @@ from lab3_usd.physics.machine import Wheel
 from lab3_usd.sim.arms import shown_prims
 from lab3_usd.sim.execution.drive import STEERED
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.judge.checks import ASKED, verdict
+from lab3_usd.sim.judge.checks import CHECKS, verdict
 from lab3_usd.sim.judge.expectations import Look, RunFault, Trial, displacement
 from lab3_usd.sim.judge.motion import again, follows
 from lab3_usd.sim.robots import Robot, owners_of
@@ -266,8 +266,8 @@ def as_of_kind(trial: Trial, robot: Robot | None, scene: Scene) -> Trial:
     if robot is None:
         return trial
     own = {
-        "follows": Look(lambda seen: follows_command(seen, robot), ASKED["follows"]),
-        "again": Look(lambda seen: follows_after_replay(seen, robot), ASKED["again"]),
+        "follows": Look(lambda seen: follows_command(seen, robot), CHECKS["follows"].is_asked),
+        "again": Look(lambda seen: follows_after_replay(seen, robot), CHECKS["again"].is_asked),
     }
     return replace(trial, own_checks=own, scrubs=trial.scrubs and not robot.goes_otherwise)
 

@@ -14,7 +14,6 @@ from lab3_usd.model.dry_run import HERE, Behaviour, Check, Driven, Scene, Unknow
 from lab3_usd.sim.any_stage import Played, joint_checks, play_any
 from lab3_usd.sim.execution.drive import NO_LIMITS, drive_of
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.judge.checks import asked_checks
 from lab3_usd.sim.judge.expectations import Trial
 from lab3_usd.sim.judge.localization import fit
 from lab3_usd.sim.judge.topics import expected_at, expected_of_each
@@ -138,7 +137,7 @@ def _at_checkpoint(
         trials[play.name] = trial
     first = next(iter(trials.values()))
     shared = replace(first, wanted=expected_at(lab, checkpoint))
-    judged, whole = judge_each(trials, shared, asked_checks)
+    judged, whole = judge_each(trials, shared)
     judged = [
         replace(each, checks=(*each.checks, *of_joints.get(each.name, ()))) for each in judged
     ]

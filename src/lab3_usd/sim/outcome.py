@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections import Counter
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -23,8 +23,8 @@ from lab3_usd.model.dry_run import (
 from lab3_usd.sim.commands import domain_of
 from lab3_usd.sim.execution.drive import RATE, STEERED
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.judge.checks import AnyTrial, judge, of_all, whole_verdict
-from lab3_usd.sim.judge.expectations import RunFault, Stretch, Trial, displacement
+from lab3_usd.sim.judge.checks import asked_checks, judge, of_all, whole_verdict
+from lab3_usd.sim.judge.expectations import Stretch, Trial, displacement
 from lab3_usd.sim.judge.motion import leg_fault
 from lab3_usd.sim.judge.sensors import rate_of
 from lab3_usd.sim.replay import replay
@@ -58,17 +58,15 @@ class DryRun(Struct, frozen=True):
 
 
 def judge_each(
-    trials: Mapping[str, AnyTrial],
-    shared: AnyTrial,
-    asked: Callable[[AnyTrial], Mapping[str, Callable[[AnyTrial], Iterator[RunFault]]]],
+    trials: Mapping[str, Trial], shared: Trial
 ) -> tuple[list[Judged], tuple[Check, ...]]:
     """Judge the drives of robots by name, the only one by '', and what they share once."""
     of_each = () if "" in trials else of_all(trials.values())
     robots = []
     for name, trial in trials.items():
-        own = {check: look for check, look in asked(trial).items() if check not in of_each}
+        own = {check: look for check, look in asked_checks(trial).items() if check not in of_each}
         robots.append(Judged(name, trial, judge(trial, own)))
-    whole = {check: look for check, look in asked(shared).items() if check in of_each}
+    whole = {check: look for check, look in asked_checks(shared).items() if check in of_each}
     return robots, judge(shared, whole)
 
 

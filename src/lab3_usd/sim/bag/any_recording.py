@@ -9,14 +9,12 @@ from __future__ import annotations
 from collections.abc import Collection, Iterable, Iterator, Mapping
 from pathlib import Path
 
-from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.errors import RecordingError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import CLOCK, JOINT_STATES, ODOMETRY, SCAN, STEERING, TRANSFORMS, TWIST
 from lab3_usd.sim.bag.decoder import is_read
-from lab3_usd.sim.bag.driven import follows_side
 from lab3_usd.sim.bag.judge import (
     Recorded,
     judged_drives,
@@ -25,32 +23,16 @@ from lab3_usd.sim.bag.judge import (
     recorded_drive,
     unread,
 )
-from lab3_usd.sim.bag.reader import Gathered, Topics
+from lab3_usd.sim.bag.reader import Gathered
 from lab3_usd.sim.bag.recording_files import Bounds, Offered, layout_at, opened
 from lab3_usd.sim.execution.recording import Odometry
-from lab3_usd.sim.judge.checks import ASKED
-from lab3_usd.sim.judge.expectations import Look
+from lab3_usd.sim.judge.checks import CHECKS
+from lab3_usd.sim.judge.expectations import Expected, Look
 from lab3_usd.sim.judge.topics import tree
 from lab3_usd.sim.outcome import DryRun
 from lab3_usd.sim.robots import expected_of
 
 Kinds = Mapping[tuple[str, str], tuple[Offered, ...]]
-
-
-class RecordedRobot(Struct, frozen=True):
-    """The topics of one robot in a recording, '' for none."""
-
-    odometry: str
-    commands: str
-    transforms: str
-    scan: str
-    joints: str
-    joint_commands: str
-
-    @property
-    def name(self) -> str:
-        """The topic by which it is told from others."""
-        return self.odometry or self.joints or self.transforms
 
 
 def judge_any_recording(
@@ -66,12 +48,15 @@ def judge_any_recording(
         with opened(layout, bounds) as bag:
             kinds = dict(bag.topics)
         recorded = robots_in(kinds, {*commanded, *_usual_commands(platform, kinds)})
-        robots = {robot.name if recorded[1:] else "": robot for robot in recorded}
-        asked = {name: _topics_of(each, kinds, len(robots)) for name, each in robots.items()}
+        asked = {
+            robot.odometry or robot.joint_states or robot.transforms if recorded[1:] else "": robot
+            for robot in recorded
+        }
+        asked = {name: _asked_of(robot, kinds, len(asked)) for name, robot in asked.items()}
         readings = read_by_name(layout, bounds, asked)
     except (RecordingError, OSError) as error:
         return unread(recording, "", error)
-    drives = {name: _drive_of(robots[name], *reading) for name, reading in readings.items()}
+    drives = {name: _drive_of(*reading) for name, reading in readings.items()}
     run = of_recording(judged_drives(drives, next(iter(drives.values()))), recording, layout)
     if run.behaviour.topics:
         return run
@@ -79,7 +64,7 @@ def judge_any_recording(
     return replace(run, behaviour=nothing)
 
 
-def robots_in(kinds: Kinds, commanded: Collection[str]) -> tuple[RecordedRobot, ...]:
+def robots_in(kinds: Kinds, commanded: Collection[str]) -> tuple[Expected, ...]:
     """Return the robots of a recording by its topics; at least one, which may have none."""
 
     def named(kind: str) -> list[str]:
@@ -93,16 +78,16 @@ def robots_in(kinds: Kinds, commanded: Collection[str]) -> tuple[RecordedRobot, 
     robots = []
     for base in bases:
         odometry = base if base in named(ODOMETRY) else ""
-        robots.append(
-            RecordedRobot(
-                odometry,
-                nearest(base, [*told, *steered], bases) if odometry else "",
-                nearest(base, trees),
-                nearest(base, named(SCAN), bases),
-                nearest(base, states, bases),
-                nearest(base, commands, bases),
-            )
+        robot = replace(
+            expected_of(None),
+            odometry=odometry,
+            commands=nearest(base, [*told, *steered], bases) if odometry else "",
+            transforms=nearest(base, trees),
+            scan=nearest(base, named(SCAN), bases),
+            joint_states=nearest(base, states, bases),
+            joint_commands=nearest(base, commands, bases),
         )
+        robots.append(robot)
     return tuple(robots)
 
 
@@ -154,8 +139,8 @@ def _usual_commands(platform: Platform, kinds: Kinds) -> Iterator[str]:
     )
 
 
-def _topics_of(robot: RecordedRobot, kinds: Kinds, robots: int) -> Topics:
-    """Return what is read of a recording for one of its robots."""
+def _asked_of(robot: Expected, kinds: Kinds, robots: int) -> Expected:
+    """Return all that is read of a recording for one of its robots."""
     clocks = sorted((topic for topic, of in kinds if of == CLOCK), key=lambda name: name.count("/"))
     static = frozenset(
         topic
@@ -163,41 +148,33 @@ def _topics_of(robot: RecordedRobot, kinds: Kinds, robots: int) -> Topics:
         if kind == TRANSFORMS and _is_static(kinds[topic, kind])
         if nearest(topic, _trees(kinds)) == robot.transforms
     )
-    wanted = replace(
-        expected_of(None),
+    return replace(
+        robot,
         types={topic: kind for topic, kind in kinds if is_read(kind)},
-        commands=robot.commands,
-        joint_commands=robot.joint_commands,
         clock=next(iter(clocks), ""),
-        odometry=robot.odometry,
-        transforms=robot.transforms,
-        scan=robot.scan,
         static=static,
         is_car=(robot.commands, STEERING) in kinds,
         has_rollers=True,  # a robot that nothing is known of may go to any side
         trees=robots,
     )
-    return Topics(wanted, "", joints=robot.joints)
 
 
-def _drive_of(robot: RecordedRobot, topics: Topics, gathered: Gathered) -> Recorded:
+def _drive_of(wanted: Expected, gathered: Gathered) -> Recorded:
     """Return what was recorded of a robot, as its drive."""
-    wanted = topics.wanted
     sent = gathered.recording.topic(wanted.odometry, 0)
     told = next((message for message in sent if isinstance(message.data, Odometry)), None)
     wanted = replace(wanted, types={})  # of which none is asked for
     if told is not None:
         wanted = replace(wanted, root=told.frame, base=told.data.child)
-    drive = recorded_drive(gathered, replace(topics, wanted=wanted))
-    drive.own_checks = {
+    drive = recorded_drive(gathered, wanted)
+    drive.own_checks = drive.own_checks | {
         # How often a transform comes is up to its node.
         "tree": Look(
             lambda seen: (fault for fault in tree(seen) if fault.kind != "transform-ends"),
-            ASKED["tree"],
+            CHECKS["tree"].is_asked,
         ),
-        "follows": Look(follows_side, ASKED["follows"]),
     }
-    pairs = (robot.odometry, robot.commands), (robot.joints, robot.joint_commands)
+    pairs = (wanted.odometry, wanted.commands), (wanted.joint_states, wanted.joint_commands)
     drive.recording.remarks += [
         f"{shown} is held against the commands on {told}" for shown, told in pairs if told
     ]

@@ -26,14 +26,14 @@ from lab3_usd.sim.bag.driven import (
     path,
     turning_joints,
 )
-from lab3_usd.sim.bag.reader import Gathered, Topics, gather
+from lab3_usd.sim.bag.reader import Gathered, gather
 from lab3_usd.sim.bag.recording_files import Bounds, Layout, layout_at, opened
 from lab3_usd.sim.execution.drive import Session
 from lab3_usd.sim.execution.recording import Odometry
-from lab3_usd.sim.judge.checks import ASKED
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
 from lab3_usd.sim.judge.expectations import (
     PHYSICAL,
+    Expected,
     Look,
     RunFault,
     Trial,
@@ -60,7 +60,6 @@ class Recorded(Trial, kw_only=True):
     """The drive of a robot in a recording, with what is asked of topics and navigation."""
 
     gathered: Gathered
-    topics: Topics
     interface: tuple[TopicSpec, ...] | None = None  # that a lab asks for, None without a lab
     goal: GoalSpec | None = None
     navigation: frozenset[str] = frozenset()  # the checks of it that are asked for
@@ -128,7 +127,7 @@ def running(recorded: Recorded) -> Iterator[RunFault]:
 
 def clock(recorded: Recorded) -> Iterator[RunFault]:
     """The clock runs, and at the speed of the simulation."""
-    yield from SHARED["clock"](recorded)
+    yield from SHARED["clock"].faults(recorded)
     yield from running(recorded)
 
 
@@ -208,11 +207,11 @@ def way(recorded: Recorded) -> Iterator[RunFault]:
 def localization(recorded: Recorded) -> Iterator[RunFault]:
     """Localization alone connects the map to odometry, to the end."""
     root, gathered = _root(recorded), recorded.gathered
-    link = gathered.links.get((recorded.topics.map_frame, root))
+    link = gathered.links.get((recorded.wanted.map_frame, root))
     if link is None:
-        yield RunFault(f"no {recorded.topics.map_frame} -> {root}", "no-localization")
+        yield RunFault(f"no {recorded.wanted.map_frame} -> {root}", "no-localization")
     elif link.last < gathered.timeline.now - QUIET:
-        yield RunFault(f"{recorded.topics.map_frame} -> {root} ends", "localization-ends")
+        yield RunFault(f"{recorded.wanted.map_frame} -> {root} ends", "localization-ends")
     several = _heard(gathered).several_parents.get(root)
     if several:
         yield RunFault(f"{root} has the parents {', '.join(several)}", "changing-parent")
@@ -235,31 +234,51 @@ def joints(recorded: Recorded) -> Iterator[RunFault]:
     recording = recorded.recording
     commanded = recording.topic(recorded.wanted.joint_commands, 0)
     yield from joints_there(
-        commanded, recording.topic(recorded.topics.joints, 0), recording.seconds
+        commanded, recording.topic(recorded.wanted.joint_states, 0), recording.seconds
     )
 
 
-CheckFunction = Callable[[Recorded], Iterator[RunFault]]
-CHECKS: dict[str, CheckFunction] = {
-    "messages": unreadable,
-    "QoS": qos,
-    "rates": rates,
-    "headers": headers,
-    "clock": clock,
-    "frames": frames,
-    "odometry": odometry,
-    "way": way,
-    "joints": joints,
-    "localization": localization,
-    "goal": goal,
+def _is_interface_asked(recorded: Recorded) -> bool:
+    return bool(recorded.interface)
+
+
+def _has_moved(recorded: Recorded) -> bool:
+    return bool(recorded.gathered.commands and recorded.recording.path)
+
+
+def _told_joints(recorded: Recorded) -> bool:
+    sent = recorded.recording.topic(recorded.wanted.joint_commands, 0)
+    return bool(sent and recorded.wanted.joint_states)
+
+
+def _and(condition: Callable[[Recorded], bool], name: str) -> Callable[[Recorded], bool]:
+    """Return a condition together with that of a dry run for a check."""
+    return lambda recorded: condition(recorded) and SHARED[name].is_asked(recorded)
+
+
+# What is looked at of a recording beside the checks of a dry run, or in their place.
+CHECKS: dict[str, Look] = {
+    "messages": Look(unreadable, lambda _: True),
+    "QoS": Look(qos, _is_interface_asked),
+    "rates": Look(rates, lambda _: True),
+    "headers": Look(headers, _is_interface_asked),
+    "clock": Look(clock, SHARED["clock"].is_asked),
+    "frames": Look(frames, lambda recorded: bool(recorded.gathered.links)),
+    "rest": Look(SHARED["rest"].faults, _and(_has_moved, "rest")),
+    "follows": Look(SHARED["follows"].faults, _and(_has_moved, "follows")),
+    "limits": Look(SHARED["limits"].faults, _and(_has_moved, "limits")),
+    "odometry": Look(odometry, _and(_has_moved, "odometry")),
+    "way": Look(way, _has_moved),
+    "mounted": Look(SHARED["mounted"].faults, _and(_is_interface_asked, "mounted")),
+    "joints": Look(joints, _told_joints),
+    "localization": Look(localization, lambda recorded: "localization" in recorded.navigation),
+    "goal": Look(goal, lambda recorded: "goal" in recorded.navigation),
 }
 
 
 _TOPIC = re.compile(r"/[A-Za-z0-9_/]+")
 _TYPE = re.compile(r"[A-Za-z0-9_]+/(msg|srv|action)/[A-Za-z0-9_]+")
 NO_CONTENT = "not sent, since a dry run makes no images and no point clouds"
-_MOVED = ("rest", "follows", "limits", "way", "odometry")
-_OF_INTERFACE = ("QoS", "headers", "mounted")
 
 
 def judge_recording(
@@ -275,8 +294,8 @@ def judge_recording(
         readings = read_by_name(layout, bounds, dict(_topics_asked(lab, checkpoint)))
     except (RecordingError, OSError) as error:
         return unread(recording, checkpoint, error)
-    for topics, gathered in readings.values():
-        if topics.map and (maps is not None or gathered.map is None):
+    for wanted, gathered in readings.values():
+        if wanted.map and (maps is not None or gathered.map is None):
             try:
                 gathered.map = map_of_stage(recording, maps, lab)
             except MapError as error:
@@ -316,39 +335,42 @@ def of_recording(run: DryRun, recording: Path, layout: Layout, checkpoint: str =
     return replace(run, behaviour=behaviour)
 
 
-Readings = Mapping[str, tuple[Topics, Gathered]]
+Readings = Mapping[str, tuple[Expected, Gathered]]
 
 
-def read_by_name(layout: Layout, bounds: Bounds, asked: Mapping[str, Topics]) -> Readings:
+def read_by_name(layout: Layout, bounds: Bounds, asked: Mapping[str, Expected]) -> Readings:
     """Read of a recording what is asked of robots by name.
 
     Raises:
         RecordingError: it cannot be read.
     """
     readings = {}
-    for name, topics in asked.items():
+    for name, wanted in asked.items():
         with opened(layout, bounds) as bag:
-            readings[name] = topics, gather(bag.messages(), bag.topics, topics, bounds)
+            readings[name] = wanted, gather(bag.messages(), bag.topics, wanted, bounds)
     return readings
 
 
-def _topics_asked(lab: Lab, checkpoint: str) -> Iterator[tuple[str, Topics]]:
+def _topics_asked(lab: Lab, checkpoint: str) -> Iterator[tuple[str, Expected]]:
     """Yield what the lab asks of all robots (''), and of each of several by name."""
     asked = {"": expected_at(lab, lab.checkpoints[checkpoint])}
     asked |= expected_of_each(lab, lab.checkpoints[checkpoint])
     status = "" if lab.ros.goal is None else lab.ros.goal.status
+    world, frame = map_topic(lab, checkpoint)
     for name, wanted in asked.items():
         states = next((topic for topic, kind in wanted.types.items() if kind == JOINT_STATES), "")
-        yield name, Topics(wanted, status, *map_topic(lab, checkpoint), states)
+        yield (
+            name,
+            replace(wanted, goal_status=status, map=world, map_frame=frame, joint_states=states),
+        )
 
 
 def _asking_for(readings: Readings, is_asked_for: Callable[[str], bool]) -> Readings:
     """Return what was read, asking for messages on some topics only."""
     asking = {}
-    for name, (topics, gathered) in readings.items():
-        wanted = topics.wanted
+    for name, (wanted, gathered) in readings.items():
         types = {topic: kind for topic, kind in wanted.types.items() if is_asked_for(topic)}
-        asking[name] = replace(topics, wanted=replace(wanted, types=types)), gathered
+        asking[name] = replace(wanted, types=types), gathered
     return asking
 
 
@@ -356,8 +378,8 @@ def _judged(readings: Readings, asked_by: tuple[Lab, str], *, whole: bool) -> Dr
     """Judge what was read by what a lab asks for."""
     lab, checkpoint = asked_by
     every = {}
-    for robot, (topics, gathered) in readings.items():
-        drive = every[robot] = recorded_drive(gathered, topics)
+    for robot, (wanted, gathered) in readings.items():
+        drive = every[robot] = recorded_drive(gathered, wanted)
         drive.interface, drive.goal = reached_topics(lab, checkpoint), lab.ros.goal
         drive.navigation = frozenset(_navigation(drive, checkpoint, lab, whole=whole))
     robots = {robot: drive for robot, drive in every.items() if robot}
@@ -366,7 +388,7 @@ def _judged(readings: Readings, asked_by: tuple[Lab, str], *, whole: bool) -> Dr
 
 def judged_drives(robots: Mapping[str, Recorded], shared: Recorded) -> DryRun:
     """Judge the drives of robots by name, the only one by '', and what they share once."""
-    judged, whole = judge_each(robots, shared, _asked)
+    judged, whole = judge_each(robots, shared)
     gathered, behaviour = shared.gathered, behaviour_of(judged, whole)
     every = (frame for each in (shared, *robots.values()) for frame in each.gathered.frames)
     behaviour = replace(
@@ -379,36 +401,16 @@ def judged_drives(robots: Mapping[str, Recorded], shared: Recorded) -> DryRun:
     return DryRun(behaviour, robots)
 
 
-_TABLE: dict[str, CheckFunction] = {**SHARED, **CHECKS}
-
-
-def _asked(recorded: Recorded) -> dict[str, CheckFunction]:
-    """Return the checks that are asked for, and for which something was recorded."""
-    names = {name for name in _TABLE if name not in SHARED or ASKED[name](recorded)}
-    if not (recorded.gathered.commands and recorded.recording.path):
-        names -= {*_MOVED}
-    if not recorded.interface:
-        names -= {*_OF_INTERFACE}
-    if not recorded.gathered.links:
-        names -= {"frames"}
-    joint_commands = recorded.recording.topic(recorded.wanted.joint_commands, 0)
-    if not (joint_commands and recorded.topics.joints):
-        names -= {"joints"}
-    names -= {"localization", "goal"} - recorded.navigation
-    table = _TABLE | {name: look.faults for name, look in recorded.own_checks.items()}
-    return {name: table[name] for name in _TABLE if name in names}
-
-
-def recorded_drive(gathered: Gathered, topics: Topics) -> Recorded:
+def recorded_drive(gathered: Gathered, wanted: Expected) -> Recorded:
     """Return what was recorded of a robot, as its drive."""
-    recording, wanted = gathered.recording, topics.wanted
+    recording = gathered.recording
     recording.seconds = gathered.timeline.now
     drive = legs(gathered.commands, gathered.seconds, wanted.limits)
-    own_checks = {}
+    own_checks = CHECKS
     if wanted.is_car or wanted.has_rollers:
         drive = tuple(leg_of_any_base(leg, is_steered=wanted.is_car) for leg in drive)
-        own_checks = {"follows": Look(follows_side, ASKED["follows"])}
-    states = recording.topic(topics.joints, 0)
+        own_checks = CHECKS | {"follows": Look(follows_side, CHECKS["follows"].is_asked)}
+    states = recording.topic(wanted.joint_states, 0)
     recording.wheels, recording.path = turning_joints([*path(gathered.places, drive)], states)
     drive_of_robot = Recorded(
         recording,
@@ -418,7 +420,6 @@ def recorded_drive(gathered: Gathered, topics: Topics) -> Recorded:
         tolerance=PHYSICAL,
         own_checks=own_checks,
         gathered=gathered,
-        topics=topics,
     )
     if gathered.located:
         drive_of_robot.map, drive_of_robot.map_fault = gathered.map, gathered.map_fault
@@ -432,10 +433,10 @@ def recorded_drive(gathered: Gathered, topics: Topics) -> Recorded:
 
 def _navigation(drive: Recorded, checkpoint: str, lab: Lab, *, whole: bool) -> Iterator[str]:
     """Yield the checks of navigation that a lab asks for, if it was recorded or all is asked."""
-    gathered, goal, topics = drive.gathered, lab.ros.goal, drive.topics
-    seen = {frame.child for frame in gathered.frames if frame.parent == topics.map_frame}
+    gathered, goal, wanted = drive.gathered, lab.ros.goal, drive.wanted
+    seen = {frame.child for frame in gathered.frames if frame.parent == wanted.map_frame}
     robot = () if goal is None else gathered.of_topic(goal.robot)
-    if topics.map and (whole or gathered.of_topic(topics.map) or robot or seen):
+    if wanted.map and (whole or gathered.of_topic(wanted.map) or robot or seen):
         yield "localization"
     if goal is not None and goal.since in lab.until(checkpoint) and (whole or gathered.goals):
         yield "goal"

@@ -90,28 +90,16 @@ class TransformSeries(Struct):
     gap: float = 0.0  # the longest
 
 
-class Topics(Struct, frozen=True):
-    """Which topics are read: those of the interface, static transforms, the goal's status, the map.
+def lasting_topics(wanted: Expected) -> frozenset[str]:
+    """Return the topics whose messages are read as a whole to the end."""
+    lasting = {wanted.clock, wanted.transforms, wanted.goal_status, *wanted.static}
+    return frozenset(lasting - {""})
 
-    `map_frame` is the frame of the map, `joints` the topic of joint states.
-    """
 
-    wanted: Expected
-    goal: str
-    map: str = ""
-    map_frame: str = ""
-    joints: str = ""
-
-    def judged(self) -> frozenset[str]:
-        """Return the topics whose messages are read as a whole."""
-        wanted = self.wanted
-        told = (wanted.commands, wanted.joint_commands, self.map)
-        return frozenset({*wanted.types, *told, *self.lasting()} - {""})
-
-    def lasting(self) -> frozenset[str]:
-        """Return those of them that are read to the end."""
-        wanted = self.wanted
-        return frozenset({wanted.clock, wanted.transforms, self.goal, *wanted.static} - {""})
+def judged_topics(wanted: Expected) -> frozenset[str]:
+    """Return the topics whose messages are read as a whole."""
+    told = (wanted.commands, wanted.joint_commands, wanted.map)
+    return frozenset({*wanted.types, *told, *lasting_topics(wanted)} - {""})
 
 
 class Gathered(Struct):
@@ -147,7 +135,7 @@ class Gathered(Struct):
 def gather(
     messages: Iterable[Raw],
     offered: Mapping[tuple[str, str], tuple[Offered, ...]],
-    topics: Topics,
+    wanted: Expected,
     bounds: Bounds,
 ) -> Gathered:
     """Go through the messages in the order in which they arrived.
@@ -155,25 +143,21 @@ def gather(
     Raises:
         RecordingError: they list more transforms and goals than are read.
     """
-    timeline = Timeline(any(topic == topics.wanted.clock for topic, _ in offered))
+    timeline = Timeline(any(topic == wanted.clock for topic, _ in offered))
     gathered = Gathered(timeline, bounds.kept)
     for key, profiles in offered.items():
         gathered.tallies[key] = Tally(offered=profiles)
-    judged, lasting = topics.judged(), topics.lasting()
+    judged, lasting = judged_topics(wanted), lasting_topics(wanted)
     for raw in messages:
-        _take(
-            gathered,
-            raw,
-            topics,
-            whole=raw.topic in (judged if gathered.until is None else lasting),
-        )
+        read_whole = judged if gathered.until is None else lasting
+        _take(gathered, raw, wanted, whole=raw.topic in read_whole)
         if gathered.listed > bounds.listed:
             raise RecordingError(f"has more than {bounds.listed} transforms and goals")
     gathered.recording.messages.sort(key=lambda message: message.at)
     return gathered
 
 
-def _take(gathered: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
+def _take(gathered: Gathered, raw: Raw, wanted: Expected, *, whole: bool) -> None:
     timeline = gathered.timeline
     timeline.arrive(raw.arrival)
     tally = gathered.tallies.setdefault((raw.topic, raw.type), Tally())
@@ -186,7 +170,6 @@ def _take(gathered: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
     if read is None:
         tally.unreadable += 1
         read = Decoded(None, None)
-    wanted = topics.wanted
     if raw.topic == wanted.clock and isinstance(read.data, float):
         timeline.tick(read.data)
         stamp: float | None = read.data
@@ -198,7 +181,7 @@ def _take(gathered: Gathered, raw: Raw, topics: Topics, *, whole: bool) -> None:
     if whole:
         frame = read.header.frame if read.header is not None else ""
         message = Message(raw.type, stamp or 0.0, frame, read.data, topic=raw.topic, at=at)
-        _keep(gathered, message, topics)
+        _keep(gathered, message, wanted)
 
 
 def _count(tally: Tally, read: Decoded, stamp: float | None, moment: tuple[float, float]) -> None:
@@ -214,16 +197,16 @@ def _count(tally: Tally, read: Decoded, stamp: float | None, moment: tuple[float
         tally.frames[read.data.child] = None
 
 
-def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
-    wanted, data = topics.wanted, message.data
-    if message.topic == topics.goal and isinstance(data, tuple):
+def _keep(gathered: Gathered, message: Message, wanted: Expected) -> None:
+    data = message.data
+    if message.topic == wanted.goal_status and isinstance(data, tuple):
         gathered.listed += len(data)
         for goal in data[:MOST_NAMES]:
             if goal.id in gathered.goals or len(gathered.goals) < MOST_NAMES:
                 gathered.goals[goal.id] = goal.status
         return
     if isinstance(data, OccupancyMap):
-        gathered.map = data if message.topic == topics.map else gathered.map
+        gathered.map = data if message.topic == wanted.map else gathered.map
         return
     kept = len(gathered.recording.messages)
     if message.at > DETAIL or kept >= gathered.most or gathered.transforms > MOST_TRANSFORMS:
@@ -236,7 +219,7 @@ def _keep(gathered: Gathered, message: Message, topics: Topics) -> None:
             gathered.located += (
                 (message.at, Affine(rotation(each.rotation), each.translation))
                 for each in message.transforms
-                if (each.parent, each.child) == (topics.map_frame, wanted.root)
+                if (each.parent, each.child) == (wanted.map_frame, wanted.root)
             )
         if not (static or inner):
             return

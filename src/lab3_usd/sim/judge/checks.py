@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
-from typing import Literal, TypeVar
+from typing import Literal
 
 from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import Check, Verdict
 from lab3_usd.sim.execution.drive import Leg
 from lab3_usd.sim.judge.causes import DRIVEN
-from lab3_usd.sim.judge.expectations import CheckFunction, Expected, Look, RunFault, Trial
+from lab3_usd.sim.judge.expectations import Expected, Look, RunFault, Trial
 from lab3_usd.sim.judge.localization import on_map
 from lab3_usd.sim.judge.motion import again, follows, limits, moving_frames, odometry, rest
 from lab3_usd.sim.judge.sensors import camera, mounted, scan
@@ -21,25 +21,6 @@ def graphs(trial: Trial) -> Iterator[RunFault]:
     """All graphs can run, and each wire joins ports that are there."""
     for cause in trial.causes.of_graphs() if trial.causes is not None else ():
         yield RunFault(f"{cause.prim}: {cause.reason}", cause.kind or "unknown-port", cause.prim)
-
-
-CHECKS: dict[str, CheckFunction] = {
-    "graphs": graphs,
-    "topics": topics,
-    "rest": rest,
-    "follows": follows,
-    "limits": limits,
-    "odometry": odometry,
-    "clock": clock,
-    "stamps": stamps,
-    "tree": tree,
-    "moving frames": moving_frames,
-    "mounted": mounted,
-    "scan": scan,
-    "map": on_map,
-    "camera": camera,
-    "again": again,
-}
 
 
 def _has_fired(trial: Trial) -> bool:
@@ -61,25 +42,34 @@ def _legs(trial: Trial) -> Sequence[Leg]:
     return trial.drive[0].legs if trial.wanted.commands else ()
 
 
-# Whether a checkpoint and the drive ask for what a check looks at, and something came.
-ASKED: dict[str, Callable[[Trial], bool]] = {
-    "graphs": _has_fired,
-    "topics": lambda trial: bool(trial.wanted.types),
-    "rest": lambda trial: bool(trial.wanted.commands),
-    "follows": lambda trial: any(leg.command and any(leg.command[::2]) for leg in _legs(trial)),
-    "limits": lambda trial: (
-        any(trial.wanted.limits) and any(leg.name in {"fast", "spin"} for leg in _legs(trial))
+# The checks of a lab, each with whether checkpoint and drive ask for it, and something came.
+CHECKS: dict[str, Look] = {
+    "graphs": Look(graphs, _has_fired),
+    "topics": Look(topics, lambda trial: bool(trial.wanted.types)),
+    "rest": Look(rest, lambda trial: bool(trial.wanted.commands)),
+    "follows": Look(
+        follows, lambda trial: any(leg.command and any(leg.command[::2]) for leg in _legs(trial))
     ),
-    "odometry": _came(lambda wanted: [wanted.odometry]),
-    "clock": _came(lambda wanted: [wanted.clock]),
-    "stamps": _came(lambda wanted: [wanted.clock if wanted.types else ""]),
-    "tree": _came(lambda wanted: [wanted.transforms]),
-    "moving frames": _came(lambda wanted: [wanted.odometry, wanted.transforms]),
-    "mounted": _came(lambda wanted: [wanted.transforms, wanted.scan or wanted.image]),
-    "scan": _came(lambda wanted: [wanted.scan]),
-    "map": lambda trial: trial.fit is not None or bool(trial.map_fault),
-    "camera": _came(lambda wanted: [wanted.image, wanted.info]),
-    "again": lambda trial: bool(trial.wanted.commands) and len(trial.drive) > 1,
+    "limits": Look(
+        limits,
+        lambda trial: (
+            any(trial.wanted.limits) and any(leg.name in {"fast", "spin"} for leg in _legs(trial))
+        ),
+    ),
+    "odometry": Look(odometry, _came(lambda wanted: [wanted.odometry])),
+    "clock": Look(clock, _came(lambda wanted: [wanted.clock])),
+    "stamps": Look(stamps, _came(lambda wanted: [wanted.clock if wanted.types else ""])),
+    "tree": Look(tree, _came(lambda wanted: [wanted.transforms])),
+    "moving frames": Look(
+        moving_frames, _came(lambda wanted: [wanted.odometry, wanted.transforms])
+    ),
+    "mounted": Look(
+        mounted, _came(lambda wanted: [wanted.transforms, wanted.scan or wanted.image])
+    ),
+    "scan": Look(scan, _came(lambda wanted: [wanted.scan])),
+    "map": Look(on_map, lambda trial: trial.fit is not None or bool(trial.map_fault)),
+    "camera": Look(camera, _came(lambda wanted: [wanted.image, wanted.info])),
+    "again": Look(again, lambda trial: bool(trial.wanted.commands) and len(trial.drive) > 1),
 }
 OF_JOINTS = ("joints", "links", "joint states")  # those of joints that have commands of their own
 # What a robot that never moves does not show.
@@ -94,24 +84,20 @@ OF_ALL = (
     *("localization", "goal"),
 )
 _OF_TREES = ("tree", "frames")
-AnyTrial = TypeVar("AnyTrial", bound=Trial)
 
 
-def judge(
-    trial: AnyTrial, checks: Mapping[str, Callable[[AnyTrial], Iterator[RunFault]]]
-) -> tuple[Check, ...]:
+def judge(trial: Trial, looks: Mapping[str, Look]) -> tuple[Check, ...]:
     """Return the verdict of each check.
 
     What may come from something that is not simulated is no fault.
     """
-    return tuple(verdict(name, list(check(trial)), trial) for name, check in checks.items())
+    return tuple(verdict(name, list(look.faults(trial)), trial) for name, look in looks.items())
 
 
-def asked_checks(trial: Trial) -> dict[str, CheckFunction]:
+def asked_checks(trial: Trial) -> dict[str, Look]:
     """Return the checks that are asked for, and for which something came."""
-    own = trial.own_checks
-    looks = ((name, own.get(name) or Look(check, ASKED[name])) for name, check in CHECKS.items())
-    return {name: look.faults for name, look in looks if look.is_asked(trial)}
+    looks = CHECKS | trial.own_checks
+    return {name: look for name, look in looks.items() if look.is_asked(trial)}
 
 
 def of_all(trials: Iterable[Trial]) -> tuple[str, ...]:

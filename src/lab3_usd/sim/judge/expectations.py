@@ -84,6 +84,10 @@ class Expected(Struct, frozen=True):
     restarts: bool = False  # whether the clock begins anew after Stop
     goes_with_environment: bool = False  # whether another ROS_DOMAIN_ID may move all topics
     robot: str = ""  # the body that is watched; that of the robot with the most joints where empty
+    goal_status: str = ""  # the topic of the status of goals
+    map: str = ""
+    map_frame: str = ""
+    joint_states: str = ""
     place: str = ""  # the path of the lab's only robot, which is watched before others
     trees: int = 0  # as many trees of any roots may be there; 0 where a lab names the roots
     haste: float = 1.0  # times that a clock may run faster than the simulation, or slower
@@ -180,7 +184,7 @@ class Trial(Struct):
     fit: MapFit | None = None  # of its scans on the map
     scrubs: bool = False  # whether its wheels slide in a turn, so that it turns about as commanded
     # The checks that stand in place of those of a lab and of two driven wheels, by name.
-    own_checks: Mapping[str, Look] = {}
+    own_checks: dict[str, Look] = {}
 
     @property
     def room(self) -> tuple[Segment, ...]:
@@ -252,14 +256,11 @@ class Trial(Struct):
         return all(math.hypot(x, y) < near and abs(turn) < turned for x, y, turn in ways)
 
 
-CheckFunction = Callable[[Trial], Iterator[RunFault]]
-
-
 class Look(NamedTuple):
-    """A check, and whether it is asked for and something came for it."""
+    """A check of a trial of one kind, and whether it is asked for and something came for it."""
 
-    faults: CheckFunction
-    is_asked: Callable[[Trial], bool]
+    faults: Callable[[Any], Iterator[RunFault]]
+    is_asked: Callable[[Any], bool]
 
 
 def displacement(before: Pose, after: Pose) -> tuple[float, float, float]:
