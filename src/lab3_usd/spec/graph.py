@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Mapping
+from collections.abc import Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 
 from msgspec import Struct
@@ -195,6 +195,18 @@ class GraphSpec(Struct, frozen=True, dict=True):
                 typed = Setting(wire.target.port, value, wire.handout)
                 nodes[wire.target.role] = replace(fed, settings=(*fed.settings, typed))
         return replace(self.without(roles), nodes=nodes)
+
+    def behind(self, role: str) -> set[str]:
+        """Return a role with those from which wires lead to it, over others as well."""
+        roles = {role}
+        for _ in self.nodes:
+            roles |= {wire.source.role for wire in self.wires if wire.target.role in roles}
+        return roles
+
+    def named_prims(self, roles: Iterable[str]) -> set[str]:
+        """Return the prims that nodes refer to."""
+        targets = (target for role in roles for target in self.nodes[role].targets)
+        return {prim for target in targets for prim in target.prims}
 
     def wires_into(self, role: str) -> Iterator[Wire]:
         """Yield the wires that end at `role`."""

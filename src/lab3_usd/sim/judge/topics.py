@@ -121,17 +121,11 @@ def _robots_of(lab: Lab, graph: GraphSpec, role: str) -> set[str]:
 
     What it shares with the nodes of other robots, as a tick, names no prim.
     """
-    before, after = {role}, {role}
+    after = {role}
     for _ in graph.nodes:
-        before |= {wire.source.role for wire in graph.wires if wire.target.role in before}
         after |= {wire.target.role for wire in graph.wires if wire.source.role in after}
-    prims = [
-        prim
-        for name in before | after
-        for target in graph.nodes[name].targets
-        for prim in target.prims
-    ]
-    prims += [path for name in after for path in _named_robots(graph, graph.nodes[name])]
+    prims = graph.named_prims(graph.behind(role) | after)
+    prims |= {path for name in after for path in _named_robots(graph, graph.nodes[name])}
     robots = map(lab.scene.robot_of, prims)
     return {robot.path for robot in robots if robot is not None}
 
@@ -167,10 +161,7 @@ def _sensor_behind(lab: Lab, topic: str, kind: str, robot: RobotSpec | None) -> 
     for graph_topic in graph_topics(lab):
         graph = lab.graphs[graph_topic.graph]
         if graph_topic.name == topic and graph_topic.role in graph.nodes:
-            roles = {graph_topic.role}
-            for _ in graph.nodes:
-                roles |= {wire.source.role for wire in graph.wires if wire.target.role in roles}
-            prims = {p for r in roles for target in graph.nodes[r].targets for p in target.prims}
+            prims = graph.named_prims(graph.behind(graph_topic.role))
             sensor_there = next((sensor for sensor in sensors if sensor.path in prims), None)
             if sensor_there is not None:
                 return sensor_there
@@ -291,11 +282,8 @@ def _has_controller(lab: Lab, robot: RobotSpec | None, name: str) -> bool:
 
 def _unit_of(lab: Lab, graph: GraphSpec, node: NodeSpec) -> float:
     """Return how many metres are 1 in what comes to a node: a conversion makes units of metres."""
-    feeding, before = {node.role}, 0
-    while len(feeding) > before:
-        before = len(feeding)
-        feeding |= {wire.source.role for wire in graph.wires if wire.target.role in feeding}
-    converts = any(graph.nodes[role].type.same_in_metres for role in feeding)
+    feeding = map(graph.nodes.__getitem__, graph.behind(node.role))
+    converts = any(source.type.same_in_metres for source in feeding)
     return lab.scene.stage.meters_per_unit if converts else 1.0
 
 

@@ -164,10 +164,7 @@ def _namespace(lab: Lab, graph: GraphSpec, node: NodeSpec) -> str:
 
     They stand above the node, above the sensor of a helper; of a TF publisher the outermost counts.
     """
-    roles = {node.role}
-    for _ in graph.nodes:
-        roles |= {wire.source.role for wire in graph.wires if wire.target.role in roles}
-    prims = {prim for role in roles for t in graph.nodes[role].targets for prim in t.prims}
+    prims = graph.named_prims(graph.behind(node.role))
     sensors = (sensor.path for sensor in lab.sensors.values() if sensor.path in prims)
     is_helper = any(product_input(port) in node.type.ports for port in node.type.topics)
     place = next(sensors, "") if is_helper else ""
