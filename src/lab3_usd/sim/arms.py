@@ -65,12 +65,8 @@ def reach_of(
     those of any joint of the robot; what is not meant to be commanded is left alone.
     """
     articulated = machine.articulated
-    fixed = [str(name) for name in controller.items(_NAMES, world)]
-    indices = controller.numbers(_INDICES, world)
-    if any(indices) and not fixed:
-        every = [*articulated]
-        fixed = [every[int(index)] for index in indices if 0 <= index < len(every)]
-    elif not _is_outward(fixed, machine):
+    fixed = named_joints(controller, machine, world)
+    if controller.items(_NAMES, world) and not _is_outward(fixed, machine):
         # A message gives them from the base outwards, as joint states do.
         fixed = [name for name in articulated if name in fixed]
     if fixed:
@@ -94,6 +90,16 @@ def reach_of(
     if kind is None:
         return Reach(untold=untold)
     return Reach(told if is_by_message else tuple(articulated), told, untold, kind)
+
+
+def named_joints(controller: NodeInstance, machine: Machine, world: World) -> list[str]:
+    """Return the joints that a controller names itself, or by their numbers."""
+    names = [str(name) for name in controller.items(_NAMES, world)]
+    every = [*machine.articulated]
+    indices = controller.numbers(_INDICES, world)
+    if names or not any(indices):
+        return names
+    return [every[int(index)] for index in indices if 0 <= index < len(every)]
 
 
 def _is_outward(names: Sequence[str], machine: Machine) -> bool:

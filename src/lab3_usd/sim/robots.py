@@ -15,7 +15,7 @@ from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import JOINT_STATES, ODOMETRY, STEERING, TRANSFORMS, TWIST
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, about, heading
 from lab3_usd.physics.machine import Machine
-from lab3_usd.sim.arms import Reach, joint_drive, reach_of
+from lab3_usd.sim.arms import Reach, joint_drive, named_joints, reach_of
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Standing, World, open_endpoint
@@ -227,7 +227,7 @@ def _listening(player: Player) -> Iterator[Robot]:
                     has_rollers=any(ROLLERS in node.values for node in behind),
                     subscriber=node.path,
                     controllers=frozenset({controller.path}),
-                    moved=frozenset(names_of(controller, machine, world)),
+                    moved=_moved_by(controller, machine, world),
                     reach=reach,
                 )
                 yield (
@@ -237,16 +237,13 @@ def _listening(player: Player) -> Iterator[Robot]:
                 )
 
 
-def names_of(controller: NodeInstance, machine: Machine | None, world: World) -> tuple[str, ...]:
+def _moved_by(controller: NodeInstance, machine: Machine | None, world: World) -> frozenset[str]:
     """Return the joints that a controller moves, none where they come with the commands."""
-    names = tuple(str(name) for name in controller.items("jointNames", world))
-    if names or machine is None or "jointNames" in controller.fed:
-        return names
-    indices = controller.numbers("jointIndices", world)
-    every = tuple(machine.articulated)
-    if any(indices):
-        return tuple(every[int(i)] for i in indices if 0 <= i < len(every))
-    return every
+    if machine is None:
+        return frozenset()
+    names = named_joints(controller, machine, world)
+    is_by_message = "jointNames" in controller.fed
+    return frozenset(names if names or is_by_message else machine.articulated)
 
 
 def _reach(controller: NodeInstance, machine: Machine | None, player: Player) -> Reach:
