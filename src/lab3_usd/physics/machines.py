@@ -38,7 +38,7 @@ from lab3_usd.physics.stance import (
     SPHERICAL,
     Contact,
     Stance,
-    contacts,
+    contact_of,
     moment_of,
     shapes_of,
     stance_of,
@@ -250,7 +250,8 @@ class Machines:
         """See by which wheels a machine stands on the ground, and what else carries it."""
         unit = self.scene.meters_per_unit
         rolling: list[str] = []
-        for contact in contacts(machine, stance, unit):
+        touching = (contact_of(machine, joint, stance, unit) for joint in machine.joints.values())
+        for contact in filter(None, touching):
             wheel, body = contact.wheel, machine.link_of(contact.wheel.joint)
             rolling += [shape.path for shape in contact.shapes]
             if contact.odd:

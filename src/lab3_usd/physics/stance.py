@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 
 from msgspec import Struct
 
@@ -141,15 +141,11 @@ class Contact(Struct, frozen=True):
     odd: str = ""
 
 
-def contacts(machine: Machine, stance: Stance, unit: float) -> Iterator[Contact]:
-    """Yield the wheels by which a machine touches the ground; `unit` is metres of the stage."""
-    for joint in machine.joints.values():
-        contact = _contact(machine, joint, stance, unit)
-        if contact is not None:
-            yield contact
+def contact_of(machine: Machine, joint: Joint, stance: Stance, unit: float) -> Contact | None:
+    """Return the wheel on a joint by which a machine touches the ground, None for none.
 
-
-def _contact(machine: Machine, joint: Joint, stance: Stance, unit: float) -> Contact | None:
+    `unit` is metres of the stage.
+    """
     if joint.kind != HINGE or _is_spring(joint):
         return None
     link = machine.link_of(joint)
