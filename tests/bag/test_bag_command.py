@@ -33,10 +33,10 @@ from rosbags.rosbag2 import CompressionMode, StoragePlugin, Writer
 from lab3_usd.errors import RecordingError, UsageError
 from lab3_usd.model.dry_run import Behaviour, Frame, Topic, Unknown
 from lab3_usd.report.behaviour.text import PASSED_IN_A_RECORDING, render
-from lab3_usd.sim.bag.differences import differences
 from lab3_usd.sim.bag.judge import CHECKS, judge_what_came
 from lab3_usd.sim.bag.recording_files import Bounds, layout_at
 from lab3_usd.sim.judge.checks import CHECKS as SHARED
+from lab3_usd.sim.outcome import differences
 from lab3_usd.spec.load.loader import load_lab
 
 LAB = load_lab()

@@ -57,8 +57,8 @@ def command(
         needs = f"bag needs the extra sim: {install_command('sim')}"
         raise UsageError(f"{program()} {needs}")
     from lab3_usd.sim.bag.any_recording import judge_any_recording
-    from lab3_usd.sim.bag.differences import differences
     from lab3_usd.sim.bag.judge import judge_recording
+    from lab3_usd.sim.outcome import differences
 
     lab = load_lab()
     names = [recording.name, stage.name if stage is not None else ""]
