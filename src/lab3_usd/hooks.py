@@ -147,7 +147,7 @@ def read_recordings(
     `may_open` receives each before it is opened, and returns a reason not to open it.
     """
     answer = _answer("read_recordings")
-    return () if answer is None else answer(root, entries, until, may_open)
+    return () if answer is None else tuple(answer(root, entries, until, may_open))
 
 
 def find_untrusted(path: str) -> list[Target]:

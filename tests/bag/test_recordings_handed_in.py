@@ -73,7 +73,7 @@ def put(plain: Path, folder: Path, name: str = "run") -> Path:
 
 def shown(folder: Path, bounds: Bounds = OF_EACH) -> tuple[RecordingShown, ...]:
     entries = sorted(entries_below(folder), key=lambda each: each.path)
-    return read_recordings(folder, entries, (LAB, LAB.last), opens_all, bounds)
+    return tuple(read_recordings(folder, entries, (LAB, LAB.last), opens_all, bounds))
 
 
 def problems(recordings: tuple[RecordingShown, ...], *, required: bool = False) -> list[Problem]:

@@ -18,7 +18,7 @@ from in_process import invoke
 from pxr import Gf
 
 from lab3_usd.errors import NoRoomError, UsageError
-from lab3_usd.sim.bag.tape import SentCommand, Tape
+from lab3_usd.sim.bag.writer import SentCommand, Tape
 from lab3_usd.sim.execution.drive import Leg
 
 pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")

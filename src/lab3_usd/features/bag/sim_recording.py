@@ -48,8 +48,7 @@ class Added(SimAddition, frozen=True):
 def record_run(run: DryRun, lab: Lab, bag: Path) -> Iterator[str]:
     """Write a run as a bag for each domain, and yield what each holds, and what it cannot hold."""
     from lab3_usd.report.safe_text import printable
-    from lab3_usd.sim.bag.tape import tape_of, tape_of_plays
-    from lab3_usd.sim.bag.writer import write_bags
+    from lab3_usd.sim.bag.writer import tape_of, tape_of_plays, write_bags
 
     first, *further = run.plays.values()
     tape = tape_of(first)

@@ -25,22 +25,12 @@ def read_recordings(
     until: tuple[Lab, str],
     may_open: Callable[[str], str],
     bounds: Bounds = OF_EACH,
-) -> tuple[RecordingShown, ...]:
+) -> Iterator[RecordingShown]:
     """Judge each recording by what was recorded, at the checkpoint in its name, or the last.
 
     `may_open` receives each before it is opened, and returns a reason not to open it. `bounds` are
     those of each.
     """
-    return tuple(_recordings_shown(root, entries, until, may_open, bounds))
-
-
-def _recordings_shown(
-    root: Path,
-    entries: Sequence[FolderFile],
-    until: tuple[Lab, str],
-    may_open: Callable[[str], str],
-    bounds: Bounds,
-) -> Iterator[RecordingShown]:
     room = MOST_BYTES
     for number, files in enumerate(_recordings(entries)):
         name = files[0].path

@@ -1,13 +1,14 @@
-"""Writes a run as a bag: messages of ROS 2 Humble in MCAP."""
+"""Writes a run, in which every robot is driven, as a bag: messages of ROS 2 Humble in MCAP."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from io import StringIO
 from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import Any, Literal, NamedTuple
 
+from msgspec import Struct
 from rosbags.interfaces import (
     Qos,
     QosDurability,
@@ -20,10 +21,15 @@ from rosbags.rosbag2 import StoragePlugin, Writer
 from ruamel.yaml import YAML
 
 from lab3_usd.errors import unwritten
+from lab3_usd.isaac.platform import Platform
+from lab3_usd.model.dry_run import Scene
 from lab3_usd.model.qos import Qos as Profile
 from lab3_usd.sim.bag.recording_files import NOT_SENT
-from lab3_usd.sim.bag.tape import Tape
+from lab3_usd.sim.execution.drive import RATE, Leg, Session, command_frames
+from lab3_usd.sim.execution.recording import Message
+from lab3_usd.sim.judge.expectations import Trial
 from lab3_usd.sim.ros_messages import STORE, command_message, nanoseconds, serialized
+from lab3_usd.sim.timeline import content_of, player_of
 
 HUMBLE = 5  # the version of its metadata
 _LATER = ("ros_distro",)  # a key that came after it; that of data of one's own it passes over
@@ -32,6 +38,65 @@ _WRITTEN: Literal[8] = (
     8  # the oldest version that the library writes; its QoS profiles are Humble's
 )
 _FOREVER = QosTime(2147483647, 4294967295)
+
+
+class SentCommand(NamedTuple):
+    """A command: seconds after Play, where it comes, and the leg that says what it is."""
+
+    at: float
+    domain: int
+    topic: str
+    leg: Leg
+
+
+class Tape(Struct, frozen=True):
+    """What a bag is to hold, from Play to Stop; `home` is the domain of messages that name none."""
+
+    messages: tuple[Message, ...]
+    commands: tuple[SentCommand, ...]
+    home: int
+
+    def domain(self, message: Message) -> int:
+        """Return the domain in which a message came."""
+        return self.home if message.away is None else message.away
+
+
+def tape_of(trial: Trial) -> Tape:
+    """Return the first session of a run: after another Play the robot is back where it began."""
+    wanted = trial.wanted
+    commands = (
+        SentCommand((frame + 1) / RATE, wanted.domain, wanted.commands, leg)
+        for frame, leg in command_frames(trial.drive[0])
+    )
+    messages = (message for message in trial.recording.messages if not message.session)
+    return Tape(tuple(messages), tuple(commands), wanted.domain)
+
+
+def tape_of_plays(scene: Scene, platform: Platform, plays: Sequence[Trial]) -> Tape:
+    """Play a stage with the commands of several plays at once, those of each of its robots.
+
+    What one robot hears on a topic, another does as well.
+    """
+    sessions: dict[tuple[int, str], Session] = {}
+    for wanted, session in ((play.wanted, play.drive[0]) for play in plays):
+        if wanted.commands:
+            sessions.setdefault((wanted.domain, wanted.commands), session)
+    player = player_of(scene, platform, plays[0].wanted)
+    network = player.world.network
+    network.is_open = True
+    told: dict[int, list[tuple[tuple[int, str], Leg]]] = {}
+    frames = 0
+    for place, session in sessions.items():
+        for frame, leg in command_frames(session):
+            told.setdefault(frame, []).append((place, leg))
+        frames = max(frames, sum(round(leg.seconds * RATE) for leg in session.legs))
+    commands = []
+    for frame in range(frames):
+        for place, leg in told.get(frame, ()):
+            network.tell(content_of(leg), place)
+            commands.append(SentCommand((frame + 1) / RATE, *place, leg))
+        player.step()
+    return Tape(tuple(network.sent), tuple(commands), network.commands.domain)
 
 
 class Record(NamedTuple):
