@@ -182,6 +182,10 @@ class NodeInstance(Struct):
         """Return the prims that an input refers to."""
         return self.node.targets.get(INPUT + name, ())
 
+    def target(self, name: str) -> str:
+        """Return the first prim that an input refers to, '' where it refers to none."""
+        return next(iter(self.targets(name)), "")
+
     @property
     def feeding(self) -> list[NodeInstance]:
         """This node, and those from which values come to it."""

@@ -197,9 +197,8 @@ def pure(node: NodeInstance, world: World) -> bool:
 @computes("ReadVariable")
 def read_variable(node: NodeInstance, world: World) -> bool:
     """omni-graph-core/readvariable-2.html: what a variable of the graph holds."""
-    name, path = node.text("variableName", world), node.path.rpartition("/")[0]
-    targets = node.targets("graph")
-    path = targets[0] if targets else path
+    name = node.text("variableName", world)
+    path = node.target("graph") or node.path.rpartition("/")[0]
     graph = next((graph for graph in world.scene.graphs if graph.path == path), None)
     if graph is None or name not in graph.variables:
         return node.fails(f"the graph has no variable '{name}'", "no-number-input")

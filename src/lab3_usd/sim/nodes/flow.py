@@ -12,24 +12,21 @@ from lab3_usd.sim.execution.world import World
 
 
 @computes("PrintText")
-def print_text(node: NodeInstance, world: World) -> bool:
+def print_text(node: NodeInstance, _: World) -> bool:
     """omni-graph-ui-nodes/printtext-1.html: nothing comes of it but a line in the log."""
-    del world
     return node.goes_on()
 
 
 @computes("Sequence", "Multisequence")
-def sequence(node: NodeInstance, world: World) -> bool:
+def sequence(node: NodeInstance, _: World) -> bool:
     """omni-graph-action/multisequence-2.html: a signal goes on at each output in turn."""
-    del world
     node.enabled += sorted(node.follows, key=lambda port: (len(port), port))
     return True
 
 
 @computes("Once")
-def once(node: NodeInstance, world: World) -> bool:
+def once(node: NodeInstance, _: World) -> bool:
     """OgnOnce.html: the first signal goes on at one output, those after it at the other."""
-    del world
     node.enabled.append("after" if "signalled" in node.memory else "once")
     node.memory["signalled"] = True
     return True

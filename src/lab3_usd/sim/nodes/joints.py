@@ -6,6 +6,7 @@ RN is ROS 2 nodes, SN the nodes of physics sensors, RM Ros2Message.cpp of ROS 2 
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 
 from lab3_usd.isaac.pure_nodes import are_numbers
 from lab3_usd.isaac.topics import JOINT_STATES
@@ -13,7 +14,7 @@ from lab3_usd.physics.machine import SLIDER, Joint
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import JointStates, Message
 from lab3_usd.sim.execution.world import World, open_endpoint, send
-from lab3_usd.sim.nodes.robot import joints_at, received
+from lab3_usd.sim.nodes.robot import joints_at, received, robot_path
 
 _ROTATION, _TRANSLATION = 0, 1  # of a degree of freedom
 _DIGITS = 4  # to which states are rounded (RM:1190, 1250)
@@ -23,24 +24,31 @@ _STATES = ("jointNames", "jointPositions", "jointVelocities", "jointEfforts", "j
 @computes("IsaacReadJointState")
 def read_joint_state(node: NodeInstance, world: World) -> bool:
     """SN/nodes/OgnIsaacReadJointState.cpp:44-160; efforts are not known and are 0."""
-    targets = node.targets("prim")
-    machine = world.machines.viewed(targets[0]) if targets else None
+    target = node.target("prim")
+    machine = world.machines.viewed(target) if target else None
     joints = [] if machine is None else [*machine.articulated.values()]
     node.outputs.update(
-        jointNames=tuple(joint.name for joint in joints),
-        jointPositions=tuple(joint.position for joint in joints),
-        jointVelocities=tuple(joint.velocity for joint in joints),
+        _states_of(joints),
         jointEfforts=(0.0,) * len(joints),
         jointDofTypes=tuple(map(_degree, joints)),
         stageMetersPerUnit=world.scene.meters_per_unit if joints else 0.0,
         sensorTime=world.since_play if joints else 0.0,
     )
-    if not targets:
+    if not target:
         return node.fails("it has no prim", "no-articulation")
     if not joints:
-        text = f"{targets[0]} is not an articulation, nor a link or joint of one"
+        text = f"{target} is not an articulation, nor a link or joint of one"
         return node.fails(text, "no-articulation")
     return node.goes_on()
+
+
+def _states_of(joints: Sequence[Joint]) -> dict[str, tuple[str | float, ...]]:
+    """Return the names, positions and velocities of joints, by the names of outputs."""
+    return {
+        "jointNames": tuple(joint.name for joint in joints),
+        "jointPositions": tuple(joint.position for joint in joints),
+        "jointVelocities": tuple(joint.velocity for joint in joints),
+    }
 
 
 def _degree(joint: Joint) -> int:
@@ -63,16 +71,14 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
         if not 0 < unit < math.inf:
             return node.fails("no unit of the stage reaches it", "unequal-joint-arrays")
     else:
-        targets = node.targets("targetPrim")
-        machine = world.machines.viewed(targets[0]) if targets else None
+        target = node.target("targetPrim")
+        machine = world.machines.viewed(target) if target else None
         if machine is None:
             is_part = "is not an articulation, nor a link or joint of one"
-            text = f"{targets[0]} {is_part}" if targets else "it has no target"
+            text = f"{target} {is_part}" if target else "it has no target"
             return node.fails(text, "no-articulation")
         joints = [*machine.articulated.values()]
-        names = tuple(joint.name for joint in joints)
-        positions = tuple(joint.position for joint in joints)
-        velocities = tuple(joint.velocity for joint in joints)
+        names, positions, velocities = _states_of(joints).values()
         efforts, degrees = (0.0,) * len(joints), tuple(map(_degree, joints))
         unit, stamp = world.scene.meters_per_unit, node.stamp(world)
     endpoint = node.memory.get("endpoint") or open_endpoint(node, world)
@@ -111,8 +117,7 @@ def subscribe_joint_state(node: NodeInstance, world: World) -> bool:
 @computes("IsaacArticulationState")
 def articulation_state(node: NodeInstance, world: World) -> bool:
     """CN/python/nodes/OgnIsaacArticulationState.py:117-165; forces are not known and are 0."""
-    targets = node.targets("targetPrim")
-    path = node.text("robotPath", world) or (targets[0] if targets else "")
+    path = robot_path(node, world)
     machine = world.machines.articulation(path)
     if machine is None:
         return node.fails(f"there is no articulation at or below {path}", "no-articulation")
@@ -129,9 +134,7 @@ def articulation_state(node: NodeInstance, world: World) -> bool:
         joints = chosen
     zeros = ((0.0, 0.0, 0.0),) * len(joints)
     node.outputs.update(
-        jointNames=tuple(joint.name for joint in joints),
-        jointPositions=tuple(joint.position for joint in joints),
-        jointVelocities=tuple(joint.velocity for joint in joints),
+        _states_of(joints),
         measuredJointEfforts=(0.0,) * len(joints),
         measuredJointForces=zeros,
         measuredJointTorques=zeros,

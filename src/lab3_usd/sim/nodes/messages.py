@@ -24,8 +24,7 @@ def read_imu(node: NodeInstance, world: World) -> bool:
     The acceleration is that of the velocity of the sensor's body, seen from the sensor, without
     the smoothing that a sensor may ask for.
     """
-    targets = node.targets("imuPrim")
-    prim = world.scene.prims.get(targets[0]) if targets else None
+    prim = world.scene.prims.get(node.target("imuPrim"))
     body = world.machines.body_of(prim.path.rpartition("/")[0]) if prim is not None else ""
     is_off = prim is not None and prim.values.get("enabled") is False
     if prim is None or not body or is_off:

@@ -20,7 +20,6 @@ from lab3_usd.sim.execution.world import World, open_endpoint, opened_endpoint, 
 from lab3_usd.sim.nodes.core import wxyz, xyzw
 
 _LIMITS = ("maxAcceleration", "maxDeceleration", "maxAngularAcceleration")
-_NO_LIMIT = float("inf")
 _COMMANDS = ("positionCommand", "velocityCommand", "effortCommand")
 
 
@@ -72,8 +71,8 @@ def differential_controller(node: NodeInstance, world: World) -> bool:
         return node.fails(
             "an acceleration limit is set and no time step reaches it", "ramp-without-time-step"
         )
-    v = _within(memory["maxLinearSpeed"], node.number("linearVelocity", world))
-    w = _within(memory["maxAngularSpeed"], node.number("angularVelocity", world))
+    v = within(memory["maxLinearSpeed"], node.number("linearVelocity", world))
+    w = within(memory["maxAngularSpeed"], node.number("angularVelocity", world))
     before, up, down = memory["v"], memory["maxAcceleration"], memory["maxDeceleration"]
     if up and down:
         step = (up if abs(v) > abs(before) and v * before >= 0 else down) * dt
@@ -85,8 +84,8 @@ def differential_controller(node: NodeInstance, world: World) -> bool:
     r, distance = memory["wheelRadius"], memory["wheelDistance"]
     most, left, right = memory["maxWheelSpeed"], 2 * v - w * distance, 2 * v + w * distance
     node.outputs["velocityCommand"] = (
-        _within(most, left / (2 * r)),
-        _within(most, right / (2 * r)),
+        within(most, left / (2 * r)),
+        within(most, right / (2 * r)),
     )
     return True
 
@@ -101,11 +100,12 @@ def _read_parameters(node: NodeInstance, world: World) -> bool:
         node.memory[limit] = abs(node.number(limit, world))
     node.memory["ramps"] = any(node.memory[limit] for limit in _LIMITS)
     for name in ("maxLinearSpeed", "maxAngularSpeed", "maxWheelSpeed"):
-        node.memory[name] = abs(node.number(name, world)) or _NO_LIMIT
+        node.memory[name] = abs(node.number(name, world)) or math.inf
     return True
 
 
-def _within(limit: float, value: float) -> float:
+def within(limit: float, value: float) -> float:
+    """Return a value cut down to a limit both ways."""
     return max(-limit, min(limit, value))
 
 
@@ -118,7 +118,7 @@ def articulation_controller(node: NodeInstance, world: World) -> bool:
         memory["names"], memory["joints"] = None, None
         if memory["machine"] is None:
             memory.clear()  # it is looked for again at the next tick
-            path = _robot_path(node, world)
+            path = robot_path(node, world)
             place = f"at or below {path}" if path else "without a target"
             return node.fails(f"there is no articulation with joints {place}", "no-articulation")
     joints = _joints(node, world, memory["machine"])
@@ -127,12 +127,12 @@ def articulation_controller(node: NodeInstance, world: World) -> bool:
 
 def articulated(node: NodeInstance, world: World) -> Machine | None:
     """Return the articulation of a controller, None where there is none."""
-    return world.machines.articulation(_robot_path(node, world))
+    return world.machines.articulation(robot_path(node, world))
 
 
-def _robot_path(node: NodeInstance, world: World) -> str:
-    targets = node.targets("targetPrim")
-    return node.text("robotPath", world) or (targets[0] if targets else "")
+def robot_path(node: NodeInstance, world: World) -> str:
+    """Return the prim of the articulation that a node names, '' for none."""
+    return node.text("robotPath", world) or node.target("targetPrim")
 
 
 def _joints(node: NodeInstance, world: World, machine: Machine) -> list[Joint] | None:
@@ -248,8 +248,7 @@ def compute_odometry(node: NodeInstance, world: World) -> bool:
 
 def _chassis(node: NodeInstance, world: World) -> str | None:
     """Return the body that is watched, or None where there is none."""
-    targets = node.targets("chassisPrim")
-    prim = world.scene.prims.get(targets[0]) if targets else None
+    prim = world.scene.prims.get(node.target("chassisPrim"))
     body, root = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI"
     if prim is not None and not prim.apis & {body, root} and "IsaacRobotAPI" in prim.apis:
         prim = next(_links(prim, world), None)

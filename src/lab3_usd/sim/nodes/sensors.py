@@ -26,9 +26,8 @@ _PRODUCT_SIZE = (2048, 1080)  # of UsdRender's schema
 
 
 @computes("OgnIsaacRunOneSimulationFrame")
-def run_one_frame(node: NodeInstance, world: World) -> bool:
+def run_one_frame(node: NodeInstance, _: World) -> bool:
     """CN/nodes/OgnIsaacRunOneSimulationFrame.cpp:35-45."""
-    del world
     if not node.memory.get("done"):
         node.memory["done"] = True
         node.enabled.append("step")
@@ -38,14 +37,14 @@ def run_one_frame(node: NodeInstance, world: World) -> bool:
 @computes("IsaacCreateRenderProduct")
 def create_render_product(node: NodeInstance, world: World) -> bool:
     """CN/python/nodes/OgnIsaacCreateRenderProduct.py:77-160."""
-    targets = node.targets("cameraPrim")
+    camera = node.target("cameraPrim")
     if not node.flag("enabled", world):
         return node.fails("it is disabled", "switched-off")
-    if not targets or targets[0] not in world.scene.prims:
-        kind: FaultKind = "missing-camera-prim" if targets else "no-camera-target"
+    if camera not in world.scene.prims:
+        kind: FaultKind = "missing-camera-prim" if camera else "no-camera-target"
         return node.fails("its camera prim does not exist", kind)
     width, height = (node.whole(name, world) for name in ("width", "height"))
-    product = Product(targets[0], width, height)
+    product = Product(camera, width, height)
     named = node.targets("renderProductPrim")
     prim = world.scene.prims.get(named[0]) if len(named) == 1 else None
     if prim is not None:  # it is used as it is, whatever it shows (:113-142)

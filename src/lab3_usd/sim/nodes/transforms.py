@@ -232,10 +232,8 @@ def compute_transform_tree(node: NodeInstance, world: World) -> bool:
     """CN/nodes/OgnIsaacComputeTransformTree.cpp."""
     tree: NodeTransforms | None = node.memory.get("tree")
     if tree is None:
-        parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
-        tree = node.memory["tree"] = NodeTransforms.of(
-            world, parents[0] if parents else "", targets
-        )
+        parent, targets = node.target("parentPrim"), node.targets("targetPrims")
+        tree = node.memory["tree"] = NodeTransforms.of(world, parent, targets)
         node.memory["names"] = tuple(zip(*tree.frames, strict=True))
     if not tree.pairs:
         node.memory.clear()
@@ -257,13 +255,13 @@ def publish_transform_tree(node: NodeInstance, world: World) -> bool:
     memory = node.memory
     if "endpoint" not in memory:
         if not node.items("parentFrames", world):
-            parents, targets = node.targets("parentPrim"), node.targets("targetPrims")
+            targets = node.targets("targetPrims")
             if not targets or not set(targets) <= world.scene.prims.keys():
                 # Tried again at the next tick: there is no publisher yet.
                 return node.fails(
                     "no frames reach it, and it has no target prims", "no-frames-input"
                 )
-            memory["tree"] = pose_tree(world, parents[0] if parents else "", targets)
+            memory["tree"] = pose_tree(world, node.target("parentPrim"), targets)
         return opened_endpoint(node, world)[0] is not None
     if memory["endpoint"] is None:
         memory.clear()

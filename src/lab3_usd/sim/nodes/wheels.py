@@ -14,11 +14,10 @@ from lab3_usd.model.transforms import Vector, length, minus
 from lab3_usd.sim.execution.node_instance import NodeInstance, computes
 from lab3_usd.sim.execution.recording import Message, Steering
 from lab3_usd.sim.execution.world import World, opened_endpoint, send
-from lab3_usd.sim.nodes.robot import received
+from lab3_usd.sim.nodes.robot import received, within
 
 _STRAIGHT = 0.0157  # radians of steering that count as none
 _REACHED = (1e-4, 0.00174533)  # m/s and radians from which on nothing changes
-_NO_LIMIT = math.inf
 
 
 @computes("ROS2SubscribeAckermannDrive")
@@ -54,8 +53,8 @@ def ackermann_controller(node: NodeInstance, world: World) -> bool:
         for name in ("wheelBase", "trackWidth", "frontWheelRadius", "backWheelRadius"):
             memory[name] = node.number(name, world)
         for name in ("maxWheelVelocity", "maxWheelRotation", "maxAcceleration"):
-            memory[name] = abs(node.number(name, world)) or _NO_LIMIT
-        memory["maxTurn"] = abs(node.number("maxSteeringAngleVelocity", world)) or _NO_LIMIT
+            memory[name] = abs(node.number(name, world)) or math.inf
+        memory["maxTurn"] = abs(node.number("maxSteeringAngleVelocity", world)) or math.inf
         memory.update(inverts=node.flag("invertSteering", world), v=0.0, angle=0.0)
     front = memory["frontWheelRadius"] or memory["backWheelRadius"]
     back = memory["backWheelRadius"] or front
@@ -63,13 +62,13 @@ def ackermann_controller(node: NodeInstance, world: World) -> bool:
         memory.clear()
         return node.fails("its wheels have no radius", "invalid-wheel-size")
     fastest = memory["maxWheelVelocity"] * max(front, back)
-    v = _within(fastest, node.number("speed", world))
-    angle = _within(memory["maxWheelRotation"], node.number("steeringAngle", world))
+    v = within(fastest, node.number("speed", world))
+    angle = within(memory["maxWheelRotation"], node.number("steeringAngle", world))
     gain, turn = node.number("acceleration", world), node.number("steeringAngleVelocity", world)
     gain = (
-        min(abs(gain), memory["maxAcceleration"]) if memory["maxAcceleration"] < _NO_LIMIT else gain
+        min(abs(gain), memory["maxAcceleration"]) if memory["maxAcceleration"] < math.inf else gain
     )
-    turn = min(abs(turn), memory["maxTurn"]) if memory["maxTurn"] < _NO_LIMIT else turn
+    turn = min(abs(turn), memory["maxTurn"]) if memory["maxTurn"] < math.inf else turn
     dt = abs(node.number("dt", world))
     if not dt and (gain or turn):
         return node.fails("no time step reaches it, and it has a ramp", "ramp-without-time-step")
@@ -81,13 +80,9 @@ def ackermann_controller(node: NodeInstance, world: World) -> bool:
         return node.fails("its wheelBase is 0, with which it cannot turn", "invalid-wheel-size")
     angles, speeds = _wheels(node, v, angle, (front, back))
     most, widest = memory["maxWheelVelocity"], memory["maxWheelRotation"]
-    node.outputs["wheelAngles"] = tuple(_within(widest, a) for a in angles)
-    node.outputs["wheelRotationVelocity"] = tuple(_within(most, w) for w in speeds)
+    node.outputs["wheelAngles"] = tuple(within(widest, a) for a in angles)
+    node.outputs["wheelRotationVelocity"] = tuple(within(most, w) for w in speeds)
     return node.goes_on()
-
-
-def _within(limit: float, value: float) -> float:
-    return max(-limit, min(limit, value))
 
 
 def _ramped(before: float, wanted: float, step: float, reached: float) -> float:
@@ -147,7 +142,7 @@ def holonomic_controller(node: NodeInstance, world: World) -> bool:
         return node.fails(f"its {stopped} is 0, with which no wheel turns", "wrong-speed-limit")
     if size > limits[0]:
         x, y = x / size * limits[0], y / size * limits[0]
-    speeds = _speeds(columns, (x, y, _within(limits[1], turn)))
+    speeds = _speeds(columns, (x, y, within(limits[1], turn)))
     most = max(map(abs, speeds))
     scale = limits[2] / most if most and most > limits[2] else 1.0
     if scale < 1.0 or size > limits[0] or abs(turn) > limits[1]:
