@@ -7,7 +7,7 @@ free hinge that touches the ground; it rolls without slipping in its plane.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import cached_property
 
 from msgspec import Struct, field
@@ -15,6 +15,7 @@ from msgspec.structs import replace
 
 from lab3_usd.model.dry_run import AXES, Affine, Segment, about
 from lab3_usd.model.joint_drives import JointCommand
+from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.traction import GRAVITY, Pull
 from lab3_usd.model.transforms import Vector
 from lab3_usd.physics.overlaps import Overlap
@@ -249,6 +250,14 @@ class Machine(Struct):
     def link_of(self, joint: Joint) -> str:
         """Return the body that hangs on a joint."""
         return next(link for link, parent in self.parents.items() if parent is joint)
+
+    def is_named_by(self, prims: Collection[str]) -> bool:
+        """Whether any of some prims is a part of it, is below one, or holds one."""
+        return any(
+            is_at_or_below(body, prim) or is_at_or_below(prim, body)
+            for body in self.rest
+            for prim in prims
+        )
 
     def between(self, first: str, second: str) -> set[Joint]:
         """Return the joints that lie between two bodies."""

@@ -24,7 +24,6 @@ from lab3_usd.physics.machine import FIXED, HINGE, SLIDER, Joint, Machine
 from lab3_usd.physics.machine import JOINTS as JOINT_TYPES
 from lab3_usd.sim.execution.drive import Leg, Session
 from lab3_usd.sim.execution.node_instance import NodeInstance
-from lab3_usd.sim.execution.program import is_within
 from lab3_usd.sim.execution.recording import Held, JointStates, Message, Odometry
 from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.judge.checks import verdict
@@ -389,15 +388,7 @@ def shown_prims(trial: Trial, node: str) -> dict[str, str]:
 def concerns(trial: Trial, node: str, machine: Machine) -> bool:
     """Whether what a node publishes comes from a robot, or from nothing that names one."""
     prims = shown_prims(trial, node)
-    return not prims or are_of(prims, machine)
-
-
-def are_of(prims: Collection[str], machine: Machine) -> bool:
-    """Whether any of some prims is a part of a robot, or holds one."""
-    return any(
-        is_within(body, prims) or any(is_within(prim, (body,)) for prim in prims)
-        for body in machine.rest
-    )
+    return not prims or machine.is_named_by(prims)
 
 
 def _with_frames(trial: Trial, scene: Scene, machine: Machine) -> Trial:

@@ -10,7 +10,7 @@ from lab3_usd.facts.tree import SentTransform
 from lab3_usd.facts.tree import tree_of as build_tree
 from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.dry_run import Scene
-from lab3_usd.sim.arms import are_of, shown_prims
+from lab3_usd.sim.arms import shown_prims
 from lab3_usd.sim.execution.recording import Message, kept_transforms
 from lab3_usd.sim.judge.expectations import Trial, in_root
 from lab3_usd.sim.nodes.transforms import frame_name
@@ -30,8 +30,8 @@ def _is_of_another(node: str, robot: Robot, robots: Sequence[Robot], played: Tri
     Those of no robot are held against the one that has odometry.
     """
     prims = shown_prims(played, node)
-    machines = ((each.name, each.machine) for each in robots)
-    names = {name for name, machine in machines if machine is not None and are_of(prims, machine)}
+    machines = ((each.name, each.machine) for each in robots if each.machine is not None)
+    names = {name for name, machine in machines if machine.is_named_by(prims)}
     if not names:
         return bool(prims) or (len(robots) > 1 and not robot.odometry)
     rest = names - {robot.name}

@@ -285,11 +285,7 @@ class RunCauses(Struct, frozen=True):
         """Whether a controller names the robot, or a prim above or below it."""
         ports = controller.type.drives
         targets = controller.node.targets.get(ports.target, ()) if ports is not None else ()
-        bodies = self.robot.rest if self.robot is not None else ()
-        return any(
-            is_within(body, targets) or any(is_within(target, (body,)) for target in targets)
-            for body in bodies
-        )
+        return self.robot is not None and self.robot.is_named_by(targets)
 
     def of_joints(self) -> Cause | None:
         """Return why commands do not bring joints where they should."""
