@@ -37,7 +37,7 @@ from lab3_usd.sim.mounting import carried_streams, own_frames, pairs
 from lab3_usd.sim.outcome import Judged
 from lab3_usd.sim.own_view import own_view
 from lab3_usd.sim.plays import Play, shown_plays
-from lab3_usd.sim.robots import Robot, hears_commands, owned_graphs, scene_for
+from lab3_usd.sim.robots import Robot, owned_graphs, scene_for
 from lab3_usd.sim.streams import (
     advancing,
     spoken_of,
@@ -49,7 +49,7 @@ from lab3_usd.sim.timeline import uncollected
 
 THROUGH = 0.02  # part of a range by which a ray may be longer
 REPEATED = 4  # times that a transform comes which is no static one
-_MOVED = 1e-3  # metres or radians; less is numerical noise
+_DIGITS = 3  # of metres or radians: less is numerical noise
 # What a node says of commands for another robot, of the value of a moment, or of its own switch.
 _PASSING: tuple[FaultKind, ...] = (
     "wrong-topic", "wrong-domain", "no-number-input", "switched-off",
@@ -62,25 +62,6 @@ class Played(Struct, frozen=True):
     robots: tuple[Robot, ...]
     plays: tuple[Judged, ...]
     whole: tuple[Check, ...]
-
-    @property
-    def has_commands(self) -> bool:
-        """Whether a stage has nodes that hear or give commands, and nothing was driven by them."""
-        causes = self.plays[0].trial.causes
-        nodes = causes.program.nodes.values() if causes is not None else ()
-        return not self.robots and any(
-            node.type.drives is not None or hears_commands(node.type) for node in nodes
-        )
-
-    @property
-    def missing(self) -> str:
-        """Return what a stage lacks to be driven; '' if something was driven."""
-        if self.robots:
-            return ""
-        trial = self.plays[0].trial
-        if trial.causes is not None and trial.causes.robot is not None:
-            return "no ROS command reaches the joints of a robot"
-        return "no robot was found: no bodies that joints hold together"
 
 
 @uncollected()
@@ -141,23 +122,11 @@ def effects_of(stage: Any, platform: Platform) -> frozenset[str]:
     )
 
 
-def _moves(play: Trial) -> bool:
-    places: list[tuple[float, ...]] = [
-        (pose.x, pose.y, pose.heading) for pose in play.recording.path
-    ]
-    joints: list[tuple[float, ...]] = [
-        tuple(held.positions.values()) for held in play.recording.held
-    ]
-    return any(_differ(states) for states in (places, joints))
-
-
-def _differ(states: Sequence[tuple[float, ...]]) -> bool:
-    """Whether any number of some states differs from that of the first one."""
-    return any(
-        abs(now - first) > _MOVED
-        for state in states[1:]
-        for first, now in zip(states[0], state, strict=False)
-    )
+def _moves(trial: Trial) -> bool:
+    """Whether a robot goes anywhere, or one of its joints does."""
+    held = (each.positions.values() for each in trial.recording.held)
+    stands = {tuple(round(at, _DIGITS) for at in positions) for positions in held}
+    return not trial.never_moves() or len(stands) > 1
 
 
 def _failing(plays: Sequence[Judged], whole: Sequence[Check]) -> Iterator[RunFault]:

@@ -26,7 +26,7 @@ from lab3_usd.sim.outcome import (
     sent_topics,
 )
 from lab3_usd.sim.plays import asked_plays
-from lab3_usd.sim.robots import Robot
+from lab3_usd.sim.robots import Robot, hears_commands
 from lab3_usd.spec.lab import Lab
 
 
@@ -80,20 +80,20 @@ def _by_itself(played: Played) -> DryRun:
     """Return the results of a stage that is judged by what it shows itself."""
     sent = played.plays[0].trial.recording.messages
     run = _summed_up(played.plays, played.whole, played.robots, sent)
-    behaviour = run.behaviour
-    verdict, missing = behaviour.verdict, behaviour.missing
-    if verdict == "ok" and played.has_commands:
-        verdict, missing = "not judged", played.missing
-    elif not played.robots and verdict == "not judged":
-        missing = played.missing
-    unasked = [f"nothing is driven: {played.missing}"] if played.missing and not missing else []
-    behaviour = replace(
-        behaviour,
-        verdict=verdict,
-        missing=missing,
-        path=behaviour.path if played.robots else (),
-        remarks=(*behaviour.remarks, *unasked),
-    )
+    if played.robots:
+        return run
+    causes, behaviour = played.plays[0].trial.causes, run.behaviour
+    nodes = causes.program.nodes.values() if causes is not None else ()
+    is_commanded = any(node.type.drives is not None or hears_commands(node.type) for node in nodes)
+    why = "no robot was found: no bodies that joints hold together"
+    if causes is not None and causes.robot is not None:
+        why = "no ROS command reaches the joints of a robot"
+    behaviour = replace(behaviour, path=())
+    if behaviour.verdict == "not judged" or (behaviour.verdict == "ok" and is_commanded):
+        behaviour = replace(behaviour, verdict="not judged", missing=why)
+    else:
+        remarks = (*behaviour.remarks, f"nothing is driven: {why}")
+        behaviour = replace(behaviour, remarks=remarks)
     return replace(run, behaviour=behaviour)
 
 
