@@ -9,7 +9,7 @@ from typing import NamedTuple
 from lab3_usd.model.dry_run import Affine, Scene
 from lab3_usd.model.physics import EARTH, GRAVITY, WEIGHTLESS, number, slant
 from lab3_usd.model.traction import GRAVITY as EARTHS
-from lab3_usd.model.transforms import Vector, cross, dot, minus
+from lab3_usd.model.transforms import cross, dot, minus
 from lab3_usd.physics.bodies import Bodies
 from lab3_usd.physics.machine import HINGE, SLIDER, Joint, Machine
 from lab3_usd.physics.stance import Stance, stance_of
@@ -73,7 +73,9 @@ def _load(
     start = Affine(machine.start.rows)
     frame = start.then(machine.offset(link, positions)).then(joint.frames[inner])
     axis = frame.turn(joint.axis)
-    pull = _gravity(scene)
+    strength = number(scene.physics.get(GRAVITY))
+    size = EARTHS / scene.meters_per_unit if strength is None or strength <= EARTH else strength
+    pull = (0.0, 0.0, -size * math.cos(math.radians(slant(scene.physics))))
     torque = inertia = 0.0
     for body, mass in stance.masses.items():
         if joint not in machine.above(body):
@@ -97,10 +99,3 @@ def _positions(machine: Machine, side: float, unit: float) -> Mapping[str, float
             low, high = joint.limits
             positions[body] = max(low, min(high, side * far))
     return positions
-
-
-def _gravity(scene: Scene) -> Vector:
-    """Return how the first physics scene pulls, in its units a second squared."""
-    strength = number(scene.physics.get(GRAVITY))
-    size = EARTHS / scene.meters_per_unit if strength is None or strength <= EARTH else strength
-    return (0.0, 0.0, -size * math.cos(math.radians(slant(scene.physics))))

@@ -246,11 +246,6 @@ def _has_moved(recorded: Recorded) -> bool:
     return bool(recorded.gathered.commands and recorded.recording.path)
 
 
-def _told_joints(recorded: Recorded) -> bool:
-    sent = recorded.recording.topic(recorded.wanted.joint_commands, 0)
-    return bool(sent and recorded.wanted.joint_states)
-
-
 def _and(condition: Callable[[Recorded], bool], name: str) -> Callable[[Recorded], bool]:
     """Return a condition together with that of a dry run for a check."""
     return lambda recorded: condition(recorded) and SHARED[name].is_asked(recorded)
@@ -270,7 +265,13 @@ CHECKS: dict[str, Look] = {
     "odometry": Look(odometry, _and(_has_moved, "odometry")),
     "way": Look(way, _has_moved),
     "mounted": Look(SHARED["mounted"].faults, _and(_is_interface_asked, "mounted")),
-    "joints": Look(joints, _told_joints),
+    "joints": Look(
+        joints,
+        lambda recorded: (
+            bool(recorded.recording.topic(recorded.wanted.joint_commands, 0))
+            and recorded.wanted.joint_states != ""
+        ),
+    ),
     "localization": Look(localization, lambda recorded: "localization" in recorded.navigation),
     "goal": Look(goal, lambda recorded: "goal" in recorded.navigation),
 }

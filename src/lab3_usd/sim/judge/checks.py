@@ -23,11 +23,6 @@ def graphs(trial: Trial) -> Iterator[RunFault]:
         yield RunFault(f"{cause.prim}: {cause.reason}", cause.kind or "unknown-port", cause.prim)
 
 
-def _has_fired(trial: Trial) -> bool:
-    dead = trial.causes.of_graphs() if trial.causes is not None else ()
-    return bool(trial.recording.fired) or any(dead)
-
-
 def _came(topics: Callable[[Expected], Sequence[str]]) -> Callable[[Trial], bool]:
     """Return what says whether topics are asked for, and something came on each of them."""
 
@@ -44,7 +39,7 @@ def _legs(trial: Trial) -> Sequence[Leg]:
 
 # The checks of a lab, each with whether checkpoint and drive ask for it, and something came.
 CHECKS: dict[str, Look] = {
-    "graphs": Look(graphs, _has_fired),
+    "graphs": Look(graphs, lambda trial: bool(trial.recording.fired) or any(graphs(trial))),
     "topics": Look(topics, lambda trial: bool(trial.wanted.types)),
     "rest": Look(rest, lambda trial: bool(trial.wanted.commands)),
     "follows": Look(

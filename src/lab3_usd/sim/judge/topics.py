@@ -255,7 +255,7 @@ def _limits(lab: Lab, robot: RobotSpec | None) -> tuple[float, float]:
 def _drive_settings(lab: Lab, robot: RobotSpec | None, *names: str) -> tuple[float, ...]:
     """Return the values that the lab asks of controllers, by input; 0 where it asks for none.
 
-    Lengths are metres.
+    Lengths are metres: a conversion before a controller makes units of metres.
     """
     settings: dict[str, Any] = {}
     for graph in lab.graphs.values():
@@ -263,7 +263,10 @@ def _drive_settings(lab: Lab, robot: RobotSpec | None, *names: str) -> tuple[flo
             for setting in node.settings if _is_of(robot, lab, graph, node.role) else ():
                 name = setting.port.rpartition(":")[2]
                 if name in names:
-                    unit = _unit_of(lab, graph, node) if name in _LENGTHS else 1.0
+                    feeding = (graph.nodes[role] for role in graph.behind(node.role))
+                    converts = any(source.type.same_in_metres for source in feeding)
+                    is_converted = converts and name in _LENGTHS
+                    unit = lab.scene.stage.meters_per_unit if is_converted else 1.0
                     settings[name] = setting.value, unit
     values = (settings.get(name, (0.0, 1.0)) for name in names)
     # A controller of wheels with rollers has a list of radii.
@@ -278,13 +281,6 @@ def _has_controller(lab: Lab, robot: RobotSpec | None, name: str) -> bool:
         for graph in lab.graphs.values()
         for node in graph.nodes.values()
     )
-
-
-def _unit_of(lab: Lab, graph: GraphSpec, node: NodeSpec) -> float:
-    """Return how many metres are 1 in what comes to a node: a conversion makes units of metres."""
-    feeding = map(graph.nodes.__getitem__, graph.behind(node.role))
-    converts = any(source.type.same_in_metres for source in feeding)
-    return lab.scene.stage.meters_per_unit if converts else 1.0
 
 
 def topics(trial: Trial) -> Iterator[RunFault]:
