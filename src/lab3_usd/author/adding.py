@@ -4,15 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from contextlib import closing
+from functools import partial
 from pathlib import Path
 from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
 
-from lab3_usd.author.choosing import present_prim
 from lab3_usd.author.editing import Editing, new_since
-from lab3_usd.author.frame_holes import sent_frames
+from lab3_usd.author.frame_holes import frame_above, sent_frames
 from lab3_usd.author.holes import planned, subjects
 from lab3_usd.author.places import graph_to_extend, new_path
 from lab3_usd.author.request import Options, Request, checked
@@ -183,7 +183,7 @@ def add_one(editing: Editing, request: Request, options: AddOptions) -> Addition
     if into is not None:
         path = graph_to_extend(into, model).path
     else:
-        path = _path(editing, request, recipe, subject)
+        path = new_path(request, recipe, subject, model, partial(_stands, editing))
     task = Task(model, recipe, request.options, path, robot, sensor, options.force)
     plan = planned(task)
     graph, shared, values = plan.graph, plan.shared, plan.values
@@ -278,14 +278,6 @@ def _stands(editing: Editing, path: str) -> bool:
     return bool(editing.session.stage.GetPrimAtPath(path))
 
 
-def _path(editing: Editing, request: Request, recipe: Recipe, subject: str) -> str:
-    """Return where the new graph will stand; a graph that is named may be the same one again."""
-    asked = request.options.graph
-    if asked is not None and graph_at(asked, editing.model) is not None:
-        return asked
-    return new_path(request, recipe, subject, editing.model, lambda path: _stands(editing, path))
-
-
 def _own_graphs(editing: Editing, recipe: Recipe, subject: str) -> list[str]:
     """Return the graphs that the same recipe brought for the same robot or sensor."""
     form, model = editing.platform.graph, editing.model
@@ -337,8 +329,6 @@ def _add_to_node(editing: Editing, request: Request) -> Addition:
     targets = options.targets or ()
     if not targets:
         raise UsageError("--node goes with --targets: name the prims that it gets")
-    for target in targets:
-        present_prim(target, model, "--targets")
     parents = maker.targets(ports[0])
     top = parents[0] if parents else ""
     if options.parent is not None and options.parent != top:
@@ -346,10 +336,7 @@ def _add_to_node(editing: Editing, request: Request) -> Addition:
             f"--parent {options.parent}: {maker.path} has {top or 'no parent prim'}; add a graph "
             "for another parent"
         )
-    frame = frame_of_prim(top, model) if top else editing.platform.world_frame
-    for target in targets:
-        if target == top or frame_of_prim(target, model) == frame:
-            raise UsageError(f"{frame} would be its own parent: {target} below {top}")
+    frame = frame_above(targets, top, model)
     there = maker.targets(ports[1])
     new = tuple(target for target in targets if target not in there)
     graph = maker.path.rpartition("/")[0]
@@ -361,9 +348,8 @@ def _add_to_node(editing: Editing, request: Request) -> Addition:
     if not new:
         return Addition(request, graph, 0, holes=holes)
     sent = {edge.child: edge.publisher for edge in all_edges(model)}
-    for target in new:
-        if frame_of_prim(target, model) in sent:
-            name = frame_of_prim(target, model)
+    for name in (frame_of_prim(target, model) for target in new):
+        if name in sent:
             raise UsageError(f"{sent[name]} sends the frame {name} already")
     editing.edit([Retarget(maker.path, ports[1], (*there, *new))])
     note = f"{len(new)} prims more in {maker.path}.{ports[1]}"

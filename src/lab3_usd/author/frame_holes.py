@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 
 from lab3_usd.author.choosing import present_prim
 from lab3_usd.author.ros_holes import domain_holes, namespace_holes
@@ -12,6 +12,7 @@ from lab3_usd.facts.domains import Domain, may_meet
 from lab3_usd.facts.endpoints import namespaces_above, ros_name
 from lab3_usd.facts.frame_targets import frame_of_prim
 from lab3_usd.facts.frames import Edge, all_edges
+from lab3_usd.model.stage import StageModel
 
 
 def chassis(task: Task) -> Iterator[Hole]:
@@ -64,6 +65,20 @@ def sent_frames(task: Task) -> dict[str, Edge]:
     }
 
 
+def frame_above(targets: Iterable[str], parent: str | None, stage: StageModel) -> str:
+    """Return the frame of a parent prim, the world's without one.
+
+    Raises:
+        UsageError: a target is not there, or would be its own parent.
+    """
+    top = frame_of_prim(parent, stage) if parent else stage.platform.world_frame
+    for target in targets:
+        present_prim(target, stage, "--targets")
+        if target == parent or frame_of_prim(target, stage) == top:
+            raise UsageError(f"{top} would be its own parent: {target} below {parent}")
+    return top
+
+
 def frames(task: Task) -> Iterator[Hole]:
     """Yield the prims whose frames are sent, and the one below which they hang."""
     stage, options, robot = task.stage, task.options, task.robot
@@ -74,8 +89,6 @@ def frames(task: Task) -> Iterator[Hole]:
         targets = options.targets
         if not targets:
             raise UsageError("--targets: names no prim")
-        for target in targets:
-            present_prim(target, stage, "--targets")
         source = "given"
     elif robot is not None:
         if parent is None and not robot.is_fixed:
@@ -84,12 +97,7 @@ def frames(task: Task) -> Iterator[Hole]:
         source = f"the links of {robot.path}"
     else:
         targets, source = (), ""
-    top = frame_of_prim(parent, stage) if parent else stage.platform.world_frame
-    for target in targets:
-        if target == parent or frame_of_prim(target, stage) == top:
-            raise UsageError(
-                f"{frame_of_prim(target, stage)} would be its own parent: {target} below {parent}"
-            )
+    top = frame_above(targets, parent, stage)
     shown = ", ".join(frame_of_prim(target, stage) for target in targets)
     yield Hole("targets", targets, "frames", shown, source, "--targets")
     why = f"the base of {robot.path}" if parent and robot else "no prim"

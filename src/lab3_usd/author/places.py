@@ -25,10 +25,14 @@ def new_path(
 ) -> str:
     """Return the path of a new graph: the one that is asked for, else the usual one that is free.
 
+    A graph that stands where one is asked for may be the same one again.
+
     Raises:
         UsageError: the path is taken, is none, or no graph runs there.
     """
     asked = request.options.graph
+    if asked is not None and graph_at(asked, stage) is not None:
+        return asked
     if asked is not None:
         try:
             checked_path(asked)
