@@ -51,9 +51,9 @@ def chosen(asked: str, left: Repaired) -> tuple[str, dict[str, str], int]:
         error = "cannot be written" if "!" in names else ""
         return Attempt(tuple(fault(name) for name in names), error=error)
 
-    found = most_helpful([site(each) for each in asked], attempt)
-    after = "".join(each.rule for each in found.attempt.after)
-    return after, {rule: why for (rule, *_), why in found.left_out.items()}, tries
+    best, left_out = most_helpful([site(each) for each in asked], attempt)
+    after = "".join(each.rule for each in best.after)
+    return after, {rule: why for (rule, *_), why in left_out.items()}, tries
 
 
 def without(asked: str, kept: frozenset[str], **more: str) -> list[str]:
@@ -94,8 +94,8 @@ def test_one_that_brings_a_fault_elsewhere_is_left_out(brought: Finding) -> None
     def attempt(kept: frozenset[Site]) -> Attempt:
         return Attempt((brought,) if kept else (fault("a"),))
 
-    found = most_helpful([site("a")], attempt)
-    assert (found.attempt.after, found.left_out) == ((fault("a"),), {site("a"): WORSE})
+    best, left_out = most_helpful([site("a")], attempt)
+    assert (best.after, left_out) == ((fault("a"),), {site("a"): WORSE})
 
 
 GRAPH = "/turtlebot3_burger/ROS_Drive"

@@ -65,13 +65,6 @@ class Attempt(Struct, frozen=True):
     error: str = ""
 
 
-class Chosen(Struct, frozen=True):
-    """The repairs that were made, and why each of the others was left out."""
-
-    attempt: Attempt
-    left_out: dict[Site, str]
-
-
 class FixOptions(Struct, frozen=True):
     """Which repairs are made, and where: `wanted` keeps the findings that are to be repaired.
 
@@ -232,15 +225,15 @@ def _fixed(
         lost = lambda: shown and shown - effects()  # noqa: E731
         return _attempt(session, options, left_out, before, root, now, lost)
 
-    chosen = most_helpful(tuple(sites), attempt)
+    best, left_out = most_helpful(tuple(sites), attempt)
     return Fixed(
         root=path,
         before=before,
-        after=chosen.attempt.after,
-        repairs=chosen.attempt.repairs,
-        files=chosen.attempt.files,
-        states=chosen.attempt.states,
-        left_out=chosen.left_out,
+        after=best.after,
+        repairs=best.repairs,
+        files=best.files,
+        states=best.states,
+        left_out=left_out,
         judge_again=lambda copy: findings_in(copy, open_stage(copy)),
     )
 
@@ -368,14 +361,17 @@ def make_edits(session: EditSession, repairs: Iterable[Repair]) -> None:
         apply_edit(session, edit)
 
 
-def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]) -> Chosen:
-    """Repair as many of these findings as cause no new ones.
+def most_helpful(
+    sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Attempt]
+) -> tuple[Attempt, dict[Site, str]]:
+    """Repair as many of these findings as cause no new ones, and say why others were left out.
 
     All are tried at once. If that causes a new finding, leaves one of them, or cannot be written,
     each half is tried by itself, down to single repairs.
     """
     kept: frozenset[Site] = frozenset()
-    best, left_out = attempt(kept), {}
+    best = attempt(kept)
+    left_out: dict[Site, str] = {}
     waiting = [tuple(sites)] if sites else []
     while waiting:
         group = waiting.pop(0)
@@ -390,7 +386,7 @@ def most_helpful(sites: Sequence[Site], attempt: Callable[[frozenset[Site]], Att
         else:
             half = len(group) // 2
             waiting[:0] = [group[:half], group[half:]]
-    return Chosen(best, left_out)
+    return best, left_out
 
 
 def _messages(attempt: Attempt) -> dict[Site, list[str]]:
