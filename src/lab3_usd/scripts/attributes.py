@@ -83,7 +83,7 @@ def _of_instance(value: Instance, node: ast.Attribute, run: Run) -> Value:
     member = value.type.find(node.attr)
     if member is not None:
         return _bound(member[0], value, member[1], node, run)
-    return run.attribute_set_elsewhere(value, node)
+    return run.set_elsewhere(value, node, run)
 
 
 def _decorators(function: Function) -> list[str]:
@@ -109,7 +109,7 @@ def _bound(value: Value, own: Value, owner: Class, node: ast.Attribute, run: Run
         return value
     method = value.of(own, owner)
     if any(each in _PROPERTY for each in decorators):
-        return run.call_value(method, Arguments(), node, Scope("function"))
+        return run.call_value(method, Arguments(), node, Scope("function"), run)
     return method
 
 

@@ -276,7 +276,7 @@ def _call(node: ast.Call, scope: Scope, run: Run) -> Value:
             is_open |= value.rest is not None
         else:
             is_open = True
-    return run.call_value(function, Arguments(given, named, is_open=is_open), node, scope)
+    return run.call_value(function, Arguments(given, named, is_open), node, scope, run)
 
 
 def _comprehension(
@@ -316,7 +316,7 @@ def _rounds(
         made.rest = made.rest or (items.rest if items else None) or as_unknown(value, first.iter)
     for item in [] if items is None else items.items:
         inner = Scope("comprehension", scope)
-        run.assign(first.target, item, inner)
+        run.assign(first.target, item, inner, run)
         tests = [truth(evaluate(test, inner, run)) for test in first.ifs]
         if False in tests:
             continue

@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.isaac.behaviour import Building
 from lab3_usd.scripts.values import Function, Instance, Scope, Value
-from lab3_usd.scripts.world import SceneGraphs, World
+from lab3_usd.scripts.world import World
 
 MOST_STEPS = 250_000
 DEEPEST_CALL = 40
@@ -45,43 +45,34 @@ class Arguments(Struct, eq=False):
         return place < len(self.given) or name in self.named
 
 
-class Run:
+class Run(Struct, eq=False):
     """One way through the script: which branch it takes where that is unknown, what it builds.
 
     `decisions` are the branches to take, in the order in which they are met; the first branch is
-    taken behind them. `taken` are those that were, `entered` the functions that were called, and
-    `inner` those that functions define. `builders` are the parts of the script that build
-    graphs, and `looked_at` what is known of others, by their number.
-    `call_value` is how anything is called, and `assign` how a target gets a value: both are told
-    where statements are executed.
+    taken behind them. `taken` are those that were, by the words of their tests in `decided`;
+    `entered` the functions that were called, and `inner` those that functions define. `builders`
+    are the parts of the script that build graphs, and `looked_at` what is known of others, by
+    their number. `call_value` is how anything is called, `assign` how a target gets a value, and
+    `set_elsewhere` finds an attribute that another method sets: who evaluates does not know them.
     """
 
-    def __init__(
-        self,
-        decisions: Sequence[bool],
-        builders: frozenset[int],
-        building: Building,
-        looked_at: dict[int, bool],
-        scene: SceneGraphs,
-    ) -> None:
-        """Start at the first statement."""
-        self.building = building
-        self.looked_at = looked_at
-        self._ahead = list(decisions)
-        self._decided: dict[str, bool] = {}
-        self.taken: list[bool] = []
-        self.entered: set[int] = set()
-        self.builders = builders
-        self.world = World(scene)
-        self.steps = MOST_STEPS
-        self.depth = 0
-        self.calls: list[int] = []
-        self.instances: list[Instance] = []
-        self.inner: list[Function] = []
-        self.line = 1
-        self.call_value: Callable[[Value, Arguments, ast.AST, Scope], Value]
-        self.assign: Callable[[ast.expr, Value, Scope], None]
-        self.attribute_set_elsewhere: Callable[[Instance, ast.Attribute], Value]
+    decisions: Sequence[bool]
+    builders: frozenset[int]
+    building: Building
+    looked_at: dict[int, bool]
+    world: World
+    call_value: Callable[[Value, Arguments, ast.AST, Scope, Run], Value]
+    assign: Callable[[ast.expr, Value, Scope, Run], None]
+    set_elsewhere: Callable[[Instance, ast.Attribute, Run], Value]
+    taken: list[bool] = []
+    decided: dict[str, bool] = {}
+    entered: set[int] = set()
+    inner: list[Function] = []
+    instances: list[Instance] = []
+    calls: list[int] = []
+    steps: int = MOST_STEPS
+    depth: int = 0
+    line: int = 1
 
     def step(self, node: ast.AST) -> None:
         """Count a step.
@@ -99,9 +90,9 @@ class Run:
         turned = isinstance(test, ast.UnaryOp) and isinstance(test.op, ast.Not)
         inner = test.operand if isinstance(test, ast.UnaryOp) and turned else test
         key = ast.dump(inner)
-        if key not in self._decided:
+        if key not in self.decided:
             number = len(self.taken)
-            choice = self._ahead[number] if number < len(self._ahead) else True
+            choice = self.decisions[number] if number < len(self.decisions) else True
             self.taken.append(choice)
-            self._decided[key] = choice != turned
-        return self._decided[key] != turned
+            self.decided[key] = choice != turned
+        return self.decided[key] != turned

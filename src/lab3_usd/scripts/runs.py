@@ -59,7 +59,8 @@ def ways(tree: ast.Module, building: Building, scene: SceneGraphs) -> Iterator[W
         ahead: list[list[bool]] = [[]]
         while ahead and count < most:
             decisions = ahead.pop(0)
-            run = Run(decisions, builders, building, looked_at, scene)
+            helpers = call_value, assign, _set_elsewhere
+            run = Run(decisions, builders, building, looked_at, World(scene), *helpers)
             yield _follow(tree, start, run)
             count += 1
             entered |= run.entered
@@ -70,9 +71,6 @@ def ways(tree: ast.Module, building: Building, scene: SceneGraphs) -> Iterator[W
 
 
 def _follow(tree: ast.Module, start: Start, run: Run) -> Way:
-    run.call_value = lambda value, given, node, scope: call_value(value, given, node, scope, run)
-    run.assign = lambda target, value, scope: assign(target, value, scope, run)
-    run.attribute_set_elsewhere = lambda own, node: _set_elsewhere(own, node, run)
     scope = Scope("module")
     stopped = 0
     try:

@@ -342,7 +342,7 @@ def _with(node: ast.With | ast.AsyncWith, scope: Scope, run: Run) -> Ending:
         if isinstance(value, Instance):
             method = value.type.method("__enter__", value) or value.type.method("__aenter__", value)
             if method is not None:
-                value = run.call_value(method, Arguments(), node, scope)
+                value = run.call_value(method, Arguments(), node, scope, run)
         elif isinstance(value, Items) and value.kind == "generator" and value.items:
             value = value.items[0]
         if item.optional_vars is not None:
