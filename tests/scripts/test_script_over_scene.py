@@ -92,3 +92,8 @@ def test_a_new_stage_has_nothing_of_the_scene(tmp_path: Path) -> None:
     text = 'og.Controller.attribute("/World/Drive/drive.inputs:wheelRadius").set(0.0)'
     assert found(f"context.open_stage(path)\n{text}", rover(), tmp_path) == ["K10 4"]
     assert "K10 4" not in found(f"context.new_stage()\n{text}", rover(), tmp_path)
+    broken = without([{"disconnect": f"{CLOCK}.inputs:execIn"}])
+    node = '("tick", "omni.graph.action.OnPlaybackTick")'
+    edit = f'og.Controller.edit("/World/Other", {{keys.CREATE_NODES: [{node}]}})'
+    assert found(edit, broken, tmp_path) == ["K01 None"]
+    assert found(f"context.new_stage()\n{edit}", broken, tmp_path) == []

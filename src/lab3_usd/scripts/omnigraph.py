@@ -81,8 +81,8 @@ def _graph_of(graph_id: Value, commands: Value, world: World, at: At) -> BuiltGr
     creates = isinstance(commands, Table) and "create_nodes" in commands.values
     graph = world.graphs.get(path)
     if graph is None:
-        is_there = path in world.scene.graphs and not world.is_removed(path)
-        graph = world.graph(path, at, is_ours=is_text and creates and not is_there)
+        is_new = is_text and creates and not world.has_scene_graph(path)
+        graph = world.graph(path, at, is_ours=is_new)
         if not is_text:
             graph.evaluator = reason(graph_id, at[0])
     return graph

@@ -124,7 +124,7 @@ def modelled(world: World, platform: Platform, scene: StageModel | None = None) 
     kept = [
         _changed_graph(graph, own.pop(graph.path, None), world, missing)
         for graph in scene.graphs
-        if not world.is_removed(graph.path)
+        if world.has_scene_graph(graph.path)
     ]
     below = scene.prims if isinstance(scene.prims, Prims) else Prims(scene.prims)
     return replace(

@@ -149,6 +149,10 @@ class World(Struct, eq=False):
         is_built = path in self.graphs or path in self.nodes
         return is_built or (is_of_scene and not self.is_removed(path))
 
+    def has_scene_graph(self, path: str) -> bool:
+        """Whether the scene has a graph at a path, as long as the script leaves it there."""
+        return path in self.scene.graphs and not self.is_removed(path)
+
     def is_removed(self, path: str) -> bool:
         """Whether the script removes a prim of the scene."""
         return any(is_at_or_below(path, top) for top in self.removed)
