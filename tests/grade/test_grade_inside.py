@@ -277,7 +277,7 @@ def test_an_answer_that_would_be_too_long_is_a_status(tmp_path: Path) -> None:
     ("error", "died"),
     [
         (MemoryError(), "ran out of memory"),
-        (KeyError("x"), "this program failed: KeyError at test_grade_inside.py"),
+        (KeyError("x"), "this program failed: KeyError: 'x' at test_grade_inside.py"),
     ],
 )
 def test_what_goes_wrong_while_judging_is_answered(

@@ -5,6 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
+from msgspec import structs
+
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
 from lab3_usd.spec.lab import Lab
@@ -85,7 +87,7 @@ def write_nav2(
 
 
 def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
-    """Everything that the templates name: topics, frames, speeds, files."""
+    """Everything that the templates name: what the lab says of navigation, frames, files."""
     navigation, goal, facts = ros.navigation, ros.goal, lab.scene.map
     localization = lab.frames.localization
     if navigation is None or goal is None or facts is None or localization is None:
@@ -96,6 +98,7 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
     scan = lab.topics.get(navigation.scan_topic)
     scan_fields = scan.fields or {} if scan is not None else {}
     return {
+        **structs.asdict(navigation),
         "lab": lab.title,
         "distribution": ros.system.distribution,
         "folder": ros.system.folder,
@@ -107,21 +110,7 @@ def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:
         "odom_frame": odom_frame,
         "base_frame": lab.frame_of(lab.scene.robot.base),
         "lidar_frame": scan_fields.get("header.frame_id") or localization.chain[-1],
-        "scan_topic": navigation.scan_topic,
-        "map_topic": navigation.map_topic,
-        "odom_topic": navigation.odom_topic,
-        "velocity_topic": navigation.velocity_topic,
         "robot_topic": goal.robot,
         "goal_topic": goal.pose,
         "resolution": facts.resolution,
-        "robot_radius": navigation.robot_radius,
-        "linear_speed": navigation.linear_speed,
-        "angular_speed": navigation.angular_speed,
-        "linear_acceleration": navigation.linear_acceleration,
-        "angular_acceleration": navigation.angular_acceleration,
-        "lidar_size": navigation.lidar_size,
-        "laser": navigation.parameters.laser,
-        "planner_plugin": navigation.planner,
-        "behaviors": navigation.behaviors,
-        "topics": navigation.rviz,
     }

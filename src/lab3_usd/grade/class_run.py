@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 import os
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from contextlib import closing
 from pathlib import Path
 
@@ -131,10 +131,16 @@ def _graded(
             write_whole(settings.out / MAP, msgspec.json.encode(supplied), force=True)
         by_folder = {submission.folder: submission for submission in submissions}
         items = [item.id for item in rubric.items]
-        tasks = (_task(submission, settings, salt, items) for submission in submissions)
-        readable: tuple[Path, ...] = ()  # of the class, by the workers
-        if isinstance(location.where, Path):
-            readable = (location.where, *([location.empty_folder] if location.left_out else []))
+
+        def task_of(submission: StudentSubmission) -> Task:
+            known = ""
+            if settings.resume:
+                known = known_digest(settings.out, submission, salt, items)
+            student, folder, sources = submission.student, submission.folder, submission.sources
+            return Task(student, folder, sources, submission.late, submission.name, known=known)
+
+        places = (location.where, *([location.empty_folder] if location.left_out else []))
+        readable = tuple(path for path in places if isinstance(path, Path))  # by the workers
         pool = PoolSettings(
             settings.starter,
             settings.rubric,
@@ -149,10 +155,13 @@ def _graded(
         )
         progress(0, len(submissions))
         notified: set[str] = set()
-        with closing(settings.runner(tasks, pool)) as answers:
+        with closing(settings.runner(map(task_of, submissions), pool)) as answers:
             for done, (task, answer) in enumerate(answers, start=1):
                 _notify_unconfined(answer, notified, settings.notify)
-                _record(settings.out, by_folder[task.folder], salt, answer, rubric)
+                if answer.get("status") != "known":
+                    own = by_folder[task.folder]
+                    whole = _whole(answer, rubric, own.student, own.name)
+                    write_student(settings.out, own, salt, whole)
                 progress(done, len(submissions))
     if decisions is not None:
         adjust(settings.out, submissions, rubric, decisions.by_student)
@@ -261,20 +270,6 @@ def salt_of(
     return digest.hexdigest()
 
 
-def _task(
-    submission: StudentSubmission, settings: ClassSettings, salt: str, items: Sequence[str]
-) -> Task:
-    digest = known_digest(settings.out, submission, salt, items) if settings.resume else ""
-    return Task(
-        submission.student,
-        submission.folder,
-        submission.sources,
-        submission.late,
-        submission.name,
-        known=digest,
-    )
-
-
 def _notify_unconfined(answer: Json, notified: set[str], notify: Callable[[str], None]) -> None:
     """Say once, in one line, which sandbox layers this system does not give workers."""
     missing = answer.get("unconfined", [])
@@ -282,15 +277,6 @@ def _notify_unconfined(answer: Json, notified: set[str], notify: Callable[[str],
         notified.update(missing)
         layers = ", ".join(f"{name} ({WALLS[name]})" for name in missing)
         notify(f"workers lack sandbox layers, see SECURITY.md: {layers}")
-
-
-def _record(
-    out: Path, submission: StudentSubmission, salt: str, answer: Json, rubric: Rubric
-) -> None:
-    if answer.get("status") == "known":
-        return
-    whole = _whole(answer, rubric, submission.student, submission.name)
-    write_student(out, submission, salt, whole)
 
 
 def _whole(answer: Json, rubric: Rubric, student: str, name: str = "") -> Json:

@@ -57,7 +57,6 @@ _OF_GRADE = re.compile(
 )
 
 
-_NOTHING = Tables()
 _KINDS = ("points", "days late", "remarks")
 
 
@@ -167,7 +166,7 @@ def regrade(
     out: Path,
     given: Path | None,
     lab: Lab,
-    by_hand: Tables = _NOTHING,
+    by_hand: Tables,
     *,
     force: bool = False,
 ) -> Regrade:

@@ -65,6 +65,11 @@ def made_of(name: str, fields: Collection[str], make: Callable[..., object]) -> 
     return add
 
 
+def named_options(options: Struct, *names: str) -> dict[str, object]:
+    """Return some of the options of a record, by what they are called on the command line."""
+    return {f"--{name.replace('_', '-')}": getattr(options, name) for name in names}
+
+
 def refuse_options(given: Mapping[str, object], why: str) -> None:
     """Refuse options, by their names, that are set where they have no meaning.
 

@@ -20,6 +20,7 @@ from lab3_usd.commands.shared.options import (
     file_option,
     given_words,
     lab_words,
+    named_options,
     recorded,
     refuse_options,
     understands_ansi,
@@ -215,16 +216,12 @@ def _check(submissions: str | None, asked: ClassOptions, export: ExportOptions) 
     Raises:
         UsageError: it does not go together.
     """
-    reading = {
-        "--regrade": asked.regrade,
-        "--gradebook": export.gradebook,
-        "--explain": asked.explain,
-    }
+    reading = named_options(export, "gradebook") | named_options(asked, "regrade", "explain")
     afterwards = [option for option, value in reading.items() if value is not None]
     if asked.form is not None and afterwards:
         raise UsageError(f"{afterwards[0]} is for a class; --format grades one submission")
     check_export(export)
-    for option, table in {"--adjust": asked.adjust, "--late": asked.late}.items():
+    for option, table in named_options(asked, "adjust", "late").items():
         if table and submissions is None and asked.regrade is None:
             raise UsageError(f"{option} goes with SUBMISSIONS or --regrade, which count the points")
     if submissions is None and not afterwards:
@@ -275,7 +272,7 @@ def _fill_export(platform: str, roster: Path, asked: ClassOptions, options: Expo
         roster,
         book,
         options.column,
-        options.given,
+        options.map,
         reasons_by_student(book) if options.feedback else None,
         scale=options.scale,
     )
@@ -433,16 +430,11 @@ def _grade_alone(submission: Path, asked: ClassOptions, limits: Limits) -> None:
     Raises:
         UsageError: an option for a class is given, or the output lies in what is graded.
     """
-    of_classes = {
-        "--adjust": asked.adjust,
-        "--late": asked.late,
-        "--resume": asked.resume,
-        "--force": asked.force,
-        "--merge-uploads": asked.merge_uploads,
-        "--cluster": asked.cluster,
-        "--insecure-cluster": asked.insecure_cluster,
-        "--jobs": asked.jobs,
-    }
+    of_classes = named_options(
+        asked,
+        *("adjust", "late", "resume", "force", "merge_uploads"),
+        *("cluster", "insecure_cluster", "jobs"),
+    )
     refuse_options(of_classes, "is for a class; --format grades one submission")
     from lab3_usd.commands.shared.reporting import write_report
     from lab3_usd.deliverables.maps import supplied_map

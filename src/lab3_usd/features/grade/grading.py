@@ -13,6 +13,7 @@ from lab3_usd.commands.shared.options import (
     all_of,
     file_option,
     made_of,
+    named_options,
     recorded,
     refuse_options,
 )
@@ -50,13 +51,13 @@ bound_options = all_of(
 
 
 class ExportOptions(Struct, frozen=True):
-    """Into which export of a platform points are filled, and how; `given` maps submissions."""
+    """Into which export of a platform points are filled, and how; `map` says whose they are."""
 
     gradebook: str | None
     roster: Path | None
     column: str
     scale: bool
-    given: Path | None
+    map: Path | None
     feedback: bool
     preview: bool
 
@@ -75,7 +76,6 @@ export_options = all_of(
     click.option("--scale", is_flag=True, help="Convert the points to the maximum of the column."),
     file_option(
         "--map",
-        "given",
         text="Table of submission and id, or classroom_roster.csv, for --gradebook.",
     ),
     click.option(
@@ -113,11 +113,5 @@ def check_export(export: ExportOptions) -> None:
     if (export.gradebook is None) != (export.roster is None):
         raise UsageError("--gradebook and --roster go together: the export names the students")
     if export.gradebook is None:
-        of_exports = {
-            "--column": export.column,
-            "--scale": export.scale,
-            "--map": export.given,
-            "--preview": export.preview,
-            "--feedback": export.feedback,
-        }
+        of_exports = named_options(export, "column", "scale", "map", "preview", "feedback")
         refuse_options(of_exports, "is for --gradebook PLATFORM with --roster FILE")

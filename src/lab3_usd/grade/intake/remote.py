@@ -48,7 +48,6 @@ _PAGE, _PAGES = "text/html", (".html", ".htm", ".xhtml", ".php")
 _LOGIN = re.compile(rb"""<input[^>]*\btype\s*=\s*["']?password""", re.IGNORECASE)
 _OF_A_FOLDER = re.compile(rb"<title>[^<]*(?:index of|directory|listing)", re.IGNORECASE)
 _MOST_OF_A_PAGE = 1 << 18  # bytes that are searched for these
-_FAULT = "fault"  # what we find wrong, among what a storage says of a file
 Fetched = tuple[RefusedFile, ...]
 
 
@@ -70,8 +69,8 @@ def fetch(location: StorageLocation, target: Path, bounds: FetchLimits) -> Fetch
         UnreachedError: something cannot be read, or is shorter than listed.
     """
     storage = location.storage
-    listing, folders = _listing(location, bounds)
-    plain, left_out = _sorted_out(listing, location, bounds.limits)
+    listing, folders, left_out = _listing(location, bounds)
+    plain = _sorted_out(listing, location, bounds.limits, left_out)
     for folder in folders:
         if not folder or not name_fault(folder, bounds.limits):
             with suppress(OSError):  # a name that no file system takes: its files say so
@@ -97,8 +96,8 @@ def fetch(location: StorageLocation, target: Path, bounds: FetchLimits) -> Fetch
 
 def _listing(
     location: StorageLocation, bounds: FetchLimits
-) -> tuple[dict[str, dict[str, Any]], list[str]]:
-    """Return the files below a location by their names there, and the folders.
+) -> tuple[dict[str, dict[str, Any]], list[str], list[RefusedFile]]:
+    """Return the files below a location by their names there, the folders, and what is left out.
 
     '' is the location itself. Of hidden folders there is the name alone.
 
@@ -113,9 +112,10 @@ def _listing(
         details = storage.info(root)
         # The pages of a web server are files, also those that list a folder.
         if not (root.endswith("/") if is_address(root) else details["type"] == "directory"):
-            return {"": details}, []
+            return {"": details}, [], []
     files: dict[str, dict[str, Any]] = {}
     folders, waiting, walked = {"": root}, [""], 0
+    left_out: list[RefusedFile] = []
     while waiting:
         bounds.limits.check_count(walked)  # a web page may lead to itself under longer names
         folder, walked = waiting.pop(), walked + 1
@@ -130,17 +130,17 @@ def _listing(
             elif "\0" in name:  # which no path has
                 files[f"{inside}/"] = details
             elif name in plain:
-                files[f"{inside}/"] = {**details, _FAULT: _SAME_NAME}
+                left_out.append(RefusedFile(f"{inside}/", _SAME_NAME))
             elif inside.count("/") >= bounds.limits.folders:
                 deep = f"it lies more than {bounds.limits.folders} folders deep"
-                files[inside] = {**details, _FAULT: deep}
+                left_out.append(RefusedFile(inside, deep))
             else:
                 folders[inside] = details["name"]
                 if not is_hidden([name]):
                     waiting.append(inside)
-            bounds.limits.check_count(len(files))
+            bounds.limits.check_count(len(files) + len(left_out))
             _check_progress(0, bounds.limits.total_size, bounds)
-    return files, list(folders)
+    return files, list(folders), left_out
 
 
 def entries_of(
@@ -197,15 +197,17 @@ def _failing(name: str, done: str = "fetched") -> Iterator[None]:
 
 
 def _sorted_out(
-    listing: Mapping[str, Mapping[str, Any]], location: StorageLocation, limits: Limits
-) -> tuple[dict[str, tuple[str, int | None]], list[RefusedFile]]:
-    """Return plain files, with where they are and their sizes, by name, and what is left out."""
+    listing: Mapping[str, Mapping[str, Any]],
+    location: StorageLocation,
+    limits: Limits,
+    left_out: list[RefusedFile],
+) -> dict[str, tuple[str, int | None]]:
+    """Return plain files, with where they are and their sizes, by name, and add what is none."""
     plain: dict[str, tuple[str, int | None]] = {}
-    left_out = []
     total = 0
     for inside, details in sorted(listing.items()):
         path, size, kind = details["name"], details.get("size"), details.get("mimetype")
-        fault = details.get(_FAULT) or (name_fault(inside, limits) if inside else "")
+        fault = name_fault(inside, limits) if inside else ""
         if not fault and (details["type"] != "file" or details.get("islink")):
             fault = "it is a link, pipe or device; not fetched"
         if fault:
@@ -224,7 +226,7 @@ def _sorted_out(
         total += 0 if size is None or _is_unread(path, inside, size, limits) else size
     limits.check_count(len(plain) + len(left_out))
     limits.check_size(total)
-    return plain, left_out
+    return plain
 
 
 def _is_unread(path: str, inside: str, size: int, limits: Limits) -> bool:

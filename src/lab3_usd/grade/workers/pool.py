@@ -111,27 +111,15 @@ def judge_with_retries(slot: WorkerSlot, task: Task, stopped: Stopped = never_st
             return task, {"failed": out_of_all_time(slot.settings.limits)}
         if died.external and spare:
             spare -= 1
-            continue
-        if died.file and died.how.startswith(CRASHED) and died.file not in crashed:
+        elif died.file and died.how.startswith(CRASHED) and died.file not in crashed:
             crashed.add(died.file)
-            continue
-        task, answer = _after(task, died)
-        if answer is not None:
-            return task, answer
+        elif died.external and not died.file:
+            raise UnreachedError(f"two workers ended before they read it: {died.how}")
+        elif not died.file or died.file in task.broken or len(task.broken) >= _MOST_BROKEN:
+            return task, {"failed": died.how}
+        else:
+            task = replace(task, broken={**task.broken, died.file: died.how})
     return task, {}
-
-
-def _after(task: Task, died: WorkerDiedError) -> tuple[Task, Json | None]:
-    """Return the task without the file that ended the worker, or what to record where none did.
-
-    Raises:
-        UnreachedError: the worker did not begin to read it.
-    """
-    if died.external and not died.file:
-        raise UnreachedError(f"two workers ended before they read it: {died.how}")
-    if not died.file or died.file in task.broken or len(task.broken) >= _MOST_BROKEN:
-        return task, {"failed": died.how}
-    return replace(task, broken={**task.broken, died.file: died.how}), None
 
 
 Runner = Callable[[Iterable[Task], PoolSettings], Generator[Answer]]

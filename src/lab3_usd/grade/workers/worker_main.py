@@ -13,7 +13,6 @@ import shutil
 import sys
 import tempfile
 import time
-import traceback
 from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from functools import partial
@@ -21,7 +20,7 @@ from pathlib import Path
 from typing import BinaryIO, NamedTuple
 
 from lab3_usd.data import data_folder, lab_folder
-from lab3_usd.errors import is_no_room
+from lab3_usd.errors import failure_text, is_no_room
 from lab3_usd.grade.intake.submission_copy import UnreachedError
 from lab3_usd.grade.rubric import load_rubric
 from lab3_usd.grade.workers.sandbox import (
@@ -214,7 +213,5 @@ def _failure_text(error: Exception, folder: Path) -> str:
     kind = type(error)
     if kind.__module__.startswith("pxr."):
         return f"{CRASHED} ({kind.__name__})"
-    frame = traceback.extract_tb(error.__traceback__)[-1]
-    message = " ".join(str(error).replace(f"{folder}{os.sep}", "").split())
-    place = f"{Path(frame.filename).name}:{frame.lineno}"
-    return f"{FAILED_OVER_IT}: {kind.__name__} at {place}: {message}"
+    message = failure_text(error).replace(f"{folder}{os.sep}", "")
+    return f"{FAILED_OVER_IT}: {' '.join(message.split())}"
