@@ -56,7 +56,7 @@ def box(x0: float, y0: float, x1: float, y1: float) -> list[Any]:
 def picture(grid: Grid) -> list[str]:
     letters = {OCCUPIED: "#", FREE: ".", UNKNOWN: "?"}
     return [
-        "".join(letters[grid.at(column, row)] for column in range(grid.width))
+        "".join(letters[at(grid, column, row)] for column in range(grid.width))
         for row in range(grid.height)
     ]
 
@@ -116,14 +116,14 @@ def test_walls_at_the_edges_of_the_map_are_seen() -> None:
 
 def test_free_space_does_not_slip_through_a_diagonal_wall() -> None:
     drawn = draw_map(MapFrame(1.0, (0.0, 0.0), 5, 5), [((0.1, 4.9), (4.9, 0.1))], (0.5, 0.5))
-    assert drawn.grid.at(4, 0) == UNKNOWN
-    assert drawn.grid.at(0, 4) == FREE
+    assert at(drawn.grid, 4, 0) == UNKNOWN
+    assert at(drawn.grid, 0, 4) == FREE
 
 
 def test_a_steep_wall_leaves_no_gap() -> None:
     frame = MapFrame(1.0, (0.0, 0.0), 4, 60)
     drawn = draw_map(frame, [((1.2, 0.0), (2.8, 60.0))], (0.5, 30.5))
-    assert all(drawn.grid.at(3, row) == UNKNOWN for row in range(60))
+    assert all(at(drawn.grid, 3, row) == UNKNOWN for row in range(60))
 
 
 def test_a_wall_on_the_edge_of_two_cells_is_in_the_upper_one() -> None:
@@ -239,6 +239,11 @@ def test_a_written_yaml_keeps_every_digit_that_matters() -> None:
 # -- agreement
 
 
+def at(grid: Grid, column: int, row: int) -> int:
+    """Return the grey value of a cell, row 0 at the top."""
+    return grid.cells[row * grid.width + column]
+
+
 def walls(*cells: tuple[int, int]) -> Grid:
     data = bytearray([FREE]) * 25
     for column, row in cells:
@@ -300,7 +305,7 @@ def test_the_bundled_map_has_the_handouts_size_and_the_robot_stands_free() -> No
     assert set(grid.cells) == {OCCUPIED, FREE, UNKNOWN}
     # (1.8, 0) in cells from the lower left corner; row 0 is the top.
     column, row = int((1.8 + 6.2) / 0.05), 162 - 1 - int(3.32 / 0.05)
-    near = [grid.at(column + i, row + j) for i in range(-6, 7) for j in range(-6, 7)]
+    near = [at(grid, column + i, row + j) for i in range(-6, 7) for j in range(-6, 7)]
     assert set(near) == {FREE}
 
 
@@ -308,7 +313,7 @@ def test_nav2_gets_everywhere_through_passages_of_60_cm() -> None:
     grid = read_pgm(data_folder("maps") / "turtlebot3_map.pgm")
     disc = [(i, j) for i in range(-6, 7) for j in range(-6, 7) if math.hypot(i, j) <= 6]
     blocked = {(c + i, 161 - r + j) for c, r in grid.walls() for i, j in disc}
-    free = {(c, r) for c in range(177) for r in range(162) if grid.at(c, r) == FREE}
+    free = {(c, r) for c in range(177) for r in range(162) if at(grid, c, r) == FREE}
     reached = {(160, 95)}
     waiting = list(reached)
     while waiting:
@@ -333,7 +338,7 @@ def test_options_change_the_frame(starter: Path, tmp_path: Path) -> None:
     described = yaml.safe_load((tmp_path / "turtlebot3_map.yaml").read_text())
     assert (described["resolution"], described["origin"]) == (0.1, [-7.0, -4.0, 0.0])
     # The crates are 0.4 m high: at 0.45 m the place of one is free.
-    assert grid.at(int((-4.6 + 7) / 0.1), 90 - 1 - int((2.9 + 4) / 0.1)) == FREE
+    assert at(grid, int((-4.6 + 7) / 0.1), 90 - 1 - int((2.9 + 4) / 0.1)) == FREE
 
 
 def test_an_existing_map_is_kept_unless_forced(starter: Path, tmp_path: Path) -> None:

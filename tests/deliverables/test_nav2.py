@@ -16,7 +16,6 @@ from lab3_usd.deliverables.nav2_templates import (
     PARAMS_FILE,
     RVIZ_FILE,
     nav2_files,
-    write_nav2,
 )
 from lab3_usd.spec.load.loader import load_lab
 
@@ -158,15 +157,16 @@ def test_the_lidar_alone_is_shown_as_the_handout_says() -> None:
 
 def test_files_that_exist_are_kept(tmp_path: Path) -> None:
     (tmp_path / PARAMS_FILE).write_text("mine")
-    written, kept = write_nav2(tmp_path, FILES)
-    assert [path.name for path in kept] == [PARAMS_FILE]
-    assert sorted(path.name for path in written) == sorted(set(FILES) - {PARAMS_FILE})
+    done = invoke("nav2", "-o", tmp_path)
+    assert PARAMS_FILE in done.stderr
+    written = {Path(line).name for line in done.stdout.splitlines()}
+    assert written == set(FILES) - {PARAMS_FILE}
     assert (tmp_path / PARAMS_FILE).read_text() == "mine"
 
 
 def test_force_replaces_them(tmp_path: Path) -> None:
     (tmp_path / PARAMS_FILE).write_text("mine")
-    write_nav2(tmp_path, FILES, force=True)
+    invoke("nav2", "-o", tmp_path, "--force")
     assert (tmp_path / PARAMS_FILE).read_text() == FILES[PARAMS_FILE]
 
 

@@ -53,10 +53,6 @@ class Grid(Struct, frozen=True):
     height: int
     cells: bytes
 
-    def at(self, column: int, row: int) -> int:
-        """Return the grey value of a cell."""
-        return self.cells[row * self.width + column]
-
     def walls(self, threshold: float = 0.65, *, negate: bool = False) -> frozenset[Cell]:
         """Return the cells that map_server calls occupied, black being 1."""
         greys = range(_WHITE + 1)

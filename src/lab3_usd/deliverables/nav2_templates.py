@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
 from pathlib import Path
 
 from msgspec import structs
 
 from lab3_usd.errors import UsageError
-from lab3_usd.files import write_whole
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.ros import RosSpec
 
@@ -64,26 +62,6 @@ def nav2_files(lab: Lab, ros: RosSpec) -> dict[str, str]:
         RVIZ_FILE: fill_template(_FOLDER / "lab3.rviz.j2", **navigation),
         LIDAR_RVIZ_FILE: fill_template(_FOLDER / "lab3.rviz.j2", **lidar),
     }
-
-
-def write_nav2(
-    folder: Path, files: Mapping[str, str], *, force: bool = False
-) -> tuple[list[Path], list[Path]]:
-    """Write files into a folder; return those written and those kept because they existed.
-
-    Raises:
-        UsageError: a file cannot be written.
-    """
-    written: list[Path] = []
-    kept: list[Path] = []
-    for name, text in files.items():
-        path = folder / name
-        if path.exists() and not force:
-            kept.append(path)
-            continue
-        write_whole(path, text.encode(), force=force)
-        written.append(path)
-    return written, kept
 
 
 def _values(lab: Lab, ros: RosSpec) -> dict[str, object]:

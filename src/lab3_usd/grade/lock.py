@@ -70,7 +70,9 @@ def locked(out: Path, *, force: bool = False) -> Iterator[None]:
 
 
 def _take(handle: int, out: Path, *, force: bool) -> None:
-    is_free = _is_free(handle)
+    is_free = take_lock(handle)
+    if is_free and os.fstat(handle).st_nlink == 0:  # the run that had it has ended just now
+        is_free = False
     text = os.read(handle, _LARGEST) if stat.S_ISREG(os.fstat(handle).st_mode) else b"no file"
     try:
         owner = msgspec.json.decode(text, type=Owner) if text else None  # killed before it wrote
@@ -89,16 +91,16 @@ def _take(handle: int, out: Path, *, force: bool) -> None:
     os.write(handle, msgspec.json.encode(Owner(os.getpid(), socket.gethostname(), now)))
 
 
-def _is_free(handle: int) -> bool | None:
-    """Lock a file; whether that went, None where this system locks no files."""
+def take_lock(handle: int, kind: str = "LOCK_EX") -> bool | None:
+    """Lock an open file without waiting; whether that went, None where none is locked here."""
     try:
         locks = importlib.import_module("fcntl")
     except ImportError:
         return None
     try:
-        locks.flock(handle, locks.LOCK_EX | locks.LOCK_NB)
+        locks.flock(handle, getattr(locks, kind) | locks.LOCK_NB)
     except BlockingIOError:
         return False
     except OSError:
         return None
-    return os.fstat(handle).st_nlink > 0  # the run that had it has ended just now
+    return True

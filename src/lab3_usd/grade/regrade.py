@@ -14,14 +14,7 @@ from msgspec.structs import replace
 
 from lab3_usd.errors import UsageError
 from lab3_usd.files import write_whole
-from lab3_usd.grade.adjustments import (
-    ByItem,
-    Decisions,
-    Roll,
-    Tables,
-    decisions_in,
-    keep_copy,
-)
+from lab3_usd.grade.adjustments import ByItem, Decisions, Roll, Tables, decisions_in, keep_copy
 from lab3_usd.grade.deductions import carried_text
 from lab3_usd.grade.gradebook import (
     GRADESCOPE,

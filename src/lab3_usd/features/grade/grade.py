@@ -438,13 +438,13 @@ def _grade_alone(submission: Path, asked: ClassOptions, limits: Limits) -> None:
     refuse_options(of_classes, "is for a class; --format grades one submission")
     from lab3_usd.commands.shared.reporting import write_report
     from lab3_usd.deliverables.maps import supplied_map
-    from lab3_usd.grade.class_run import grade_alone
+    from lab3_usd.grade.class_run import check_apart, grade_alone
     from lab3_usd.grade.gradebook import GRADESCOPE
     from lab3_usd.grade.workers.worker_messages import PoolSettings
 
     out = asked.out
-    if out is not None and Path(os.path.realpath(out)).is_relative_to(submission.resolve()):
-        raise UsageError(f"{out}: lies in what is graded; choose another -o")
+    if out is not None:
+        check_apart(submission, out)
     settings = PoolSettings(
         asked.starter,
         asked.rubric,

@@ -6,8 +6,7 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import echo, written_folder
-from lab3_usd.commands.shared.paths import refuse_inputs
+from lab3_usd.commands.shared.options import echo, write_into, written_folder
 
 
 @click.command("nav2")
@@ -18,16 +17,13 @@ def command(folder: Path, *, force: bool) -> None:
     For ROS 2 Humble; one of the RViz configurations shows the lidar alone. The files have not been
     run in ROS. Files that exist are kept.
     """
-    from lab3_usd.deliverables.nav2_templates import nav2_files, write_nav2
-    from lab3_usd.files import make_folder
+    from lab3_usd.deliverables.nav2_templates import nav2_files
     from lab3_usd.spec.load.loader import load_lab
 
     lab = load_lab()
-    files = nav2_files(lab, lab.ros)
-    refuse_inputs(folder / name for name in files)
-    make_folder(folder)
-    written, kept = write_nav2(folder, files, force=force)
-    for path in written:
-        echo(path)
+    files = {folder / name: text.encode() for name, text in nav2_files(lab, lab.ros).items()}
+    kept = [path for path in files if path.exists() and not force]
+    new = {path: content for path, content in files.items() if path not in kept}
+    write_into(folder, new, force=force)
     for path in kept:
         echo(f"{path} exists and was kept, --force replaces it", err=True)

@@ -132,6 +132,12 @@ def _canvas_readings(name: str) -> Iterator[FileOwner]:
     Names of students and groups may hold underscores, and end in a number after one; Canvas takes
     the underscores from numbers in the middle of a name.
     """
+    anonymous = _CANVAS_ANONYMOUS.match(name)
+    if anonymous:
+        file = anonymous["file"] or f"{anonymous['page']}.html"
+        is_late, number = anonymous["late"] is not None, _number(anonymous["number"] or "0")
+        yield FileOwner(anonymous["id"], "canvas", Person(), file, is_late, number)
+        return
     parts = name.split("_")
     for index in range(1, len(parts) - 1):
         if not _is_number(parts[index]):
@@ -157,22 +163,9 @@ def _canvas(names: Iterable[str]) -> dict[str, FileOwner]:
     """Read the names of Canvas; numbers of files never repeat in a class."""
     readings: dict[str, list[FileOwner]] = {}
     for name in names:
-        anonymous = _CANVAS_ANONYMOUS.match(name)
-        if anonymous:
-            page, number = anonymous["page"], anonymous["number"] or "0"
-            owner = FileOwner(
-                anonymous["id"],
-                "canvas",
-                Person(),
-                f"{page}.html" if page else anonymous["file"],
-                anonymous["late"] is not None,
-                _number(number),
-            )
-            readings[name] = [owner]
-        else:
-            possible = list(_canvas_readings(name))
-            if possible:
-                readings[name] = [owner for owner in possible if owner.late] or possible
+        possible = list(_canvas_readings(name))
+        if possible:
+            readings[name] = [owner for owner in possible if owner.late] or possible
     certain = {
         (owners[0].student, owners[0].person.name)
         for owners in readings.values()

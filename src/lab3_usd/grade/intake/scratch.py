@@ -19,6 +19,8 @@ from collections.abc import Iterable, Iterator
 from contextlib import contextmanager
 from pathlib import Path
 
+from lab3_usd.grade.lock import take_lock
+
 MARKER = ".lab3-scratch"
 _FILES = "files"
 _NOTE = "A temporary folder of lab3. Keep nothing here: it is removed with the run that made it.\n"
@@ -45,7 +47,7 @@ def make_scratch(prefix: str) -> Path:
         folder = top / _FILES
         _made[folder] = handle
         try:
-            if _lock(handle, "LOCK_EX"):  # first, or it would seem to be abandoned
+            if take_lock(handle):  # first, or it would seem to be abandoned
                 _mark(handle, top)
             folder.mkdir()
         except OSError:
@@ -164,7 +166,8 @@ def _own(folder: Path, lock: str) -> Iterator[bool]:
         yield False
         return
     try:
-        yield _lock(handle, lock) and _is_marked(handle, folder) and _is_at(handle, folder)
+        is_locked = take_lock(handle, lock) is True
+        yield is_locked and _is_marked(handle, folder) and _is_at(handle, folder)
     finally:
         os.close(handle)
 
@@ -180,16 +183,6 @@ def _opened(folder: Path) -> int | None:
         return handle
     os.close(handle)
     return None
-
-
-def _lock(handle: int, kind: str) -> bool:
-    """Lock an open file without waiting, as a process may live for hours; return whether it did."""
-    locks = importlib.import_module("fcntl")
-    try:
-        locks.flock(handle, getattr(locks, kind) | locks.LOCK_NB)
-    except OSError:
-        return False
-    return True
 
 
 def _is_at(handle: int, folder: Path) -> bool:
