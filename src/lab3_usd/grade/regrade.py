@@ -50,6 +50,7 @@ _OF_GRADE = re.compile(
 )
 
 
+_NOTHING = Tables()
 _KINDS = ("points", "days late", "remarks")
 
 
@@ -159,7 +160,7 @@ def regrade(
     out: Path,
     given: Path | None,
     lab: Lab,
-    by_hand: Tables,
+    by_hand: Tables = _NOTHING,
     *,
     force: bool = False,
 ) -> Regrade:
