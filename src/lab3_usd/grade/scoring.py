@@ -127,40 +127,30 @@ def facts_of(
 
     `findings` are those of the folder as a whole. One about the file of a stage is that stage's.
     """
-    stages = _by_checkpoint(results)
     of_files = [_fault(finding) for finding in findings if finding.severity == "error"]
-    paths = {result.path for result in stages.values()}
-    met = {
-        number: {requirement.id for requirement in result.requirements if requirement.met}
-        for number, result in stages.items()
-    }
+    by_checkpoint = _by_checkpoint(results)
+    stages = []
+    for number, result in sorted(by_checkpoint.items()):
+        met = {requirement.id for requirement in result.requirements if requirement.met}
+        own = [_fault(finding) for finding in result.findings if finding.severity == "error"]
+        own += [fault for fault in of_files if fault.place == result.path]
+        stage = StageFacts(
+            checkpoint=number,
+            path=result.path,
+            readable=result.verdict != "unreadable",
+            unmet=tuple(each.id for each in required.get(number, ()) if each.id not in met),
+            faults=tuple(own),
+            slight=tuple(item.id for item in result.requirements if item.slight),
+            is_warned_about=any(finding.severity == "warning" for finding in result.findings),
+        )
+        stages.append(stage)
+    paths = {stage.path for stage in stages}
+    crashed = [result for result in by_checkpoint.values() if result.crashes]
     return SubmissionFacts(
-        stages=tuple(
-            StageFacts(
-                checkpoint=number,
-                path=result.path,
-                readable=result.verdict != "unreadable",
-                unmet=tuple(
-                    each.id for each in required.get(number, ()) if each.id not in met[number]
-                ),
-                slight=tuple(item.id for item in result.requirements if item.slight),
-                faults=(
-                    *(
-                        _fault(own_finding)
-                        for own_finding in result.findings
-                        if own_finding.severity == "error"
-                    ),
-                    *(fault for fault in of_files if fault.place == result.path),
-                ),
-                is_warned_about=any(each.severity == "warning" for each in result.findings),
-            )
-            for number, result in sorted(stages.items())
-        ),
+        stages=tuple(stages),
         faults=tuple(fault for fault in of_files if fault.place not in paths),
         checklist={line.text: line.state for line in checklist},
-        crashes={
-            result.path: result.crashes[0].error for result in stages.values() if result.crashes
-        },
+        crashes={result.path: result.crashes[0].error for result in crashed},
     )
 
 
@@ -285,13 +275,12 @@ def _by_stage(
     grades: Mapping[str, ItemGrade],
 ) -> tuple[ItemGrade, list[_Loss]]:
     """Weigh what the stage of the item's checkpoint fails."""
+    name = f"checkpoint {item.checkpoint}"
     if stage is not None and stage.path in facts.crashes:
-        name = f"checkpoint {item.checkpoint}"
         loss = _Loss(1.0, f"{name} is not judged: this program failed", name, place=stage.path)
         return ItemGrade(item.id, "unreadable", 0.0, item.points), [loss]
     if stage is None or not stage.readable:
         state: State = "missing" if stage is None else "unreadable"
-        name = f"checkpoint {item.checkpoint}"
         named = [
             fault
             for fault in facts.faults  # of files that are called as the stage

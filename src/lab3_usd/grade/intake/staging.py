@@ -7,9 +7,8 @@ import hashlib
 import os
 import shutil
 import stat
-from collections import Counter
 from collections.abc import Iterable, Iterator, Mapping, Sequence
-from functools import partial
+from functools import cache, partial
 from itertools import accumulate
 from pathlib import Path
 
@@ -212,40 +211,27 @@ def _put_in_place(copy: SubmissionCopy) -> None:
     of the lab: its files stay in the folder that stands for it.
     """
     lab = load_lab()
-    checkpoints = {path: named_checkpoint(Path(path).name, lab.files) for path in copy.digests}
-    everywhere = Counter(checkpoints.values())
-    held: dict[str, set[str]] = {str(copy.target / archive): set() for archive in copy.unpacked}
-    for path in checkpoints:
-        for above in _folders_above(path) & held.keys():
-            held[above].add(path)
+
+    @cache
+    def checkpoint_of(path: str) -> str | None:
+        return named_checkpoint(Path(path).name, lab.files)
+
     merged: set[str] = set()
     for archive in reversed(copy.unpacked):  # the inner ones first
-        own = held.pop(str(copy.target / archive), None)
-        if own is None:  # two of one name have one folder
-            continue
-        numbers = Counter(checkpoints[path] for path in own)
-        if any(number and everywhere[number] > count for number, count in numbers.items()):
+        start = f"{copy.target / archive}{os.sep}"
+        own = sorted(path for path in copy.digests if path.startswith(start))
+        numbers = {checkpoint_of(path) for path in own} - {None}
+        others = (path for path in copy.digests if not path.startswith(start))
+        if numbers and not numbers.isdisjoint(map(checkpoint_of, others)):
             continue
         merged.add(archive)
         parent, slash, _ = archive.rpartition("/")
-        for path in sorted(own):
-            name = Path(path).relative_to(copy.target / archive).as_posix()
-            new = copy.move(f"{archive}/{name}", f"{parent}{slash}{name}")
-            number = checkpoints.pop(path)
-            if new is None:
-                everywhere[number] -= 1
-            else:
-                checkpoints[new] = number
-            for above in _folders_above(path) & held.keys():
-                held[above].discard(path)
-                held[above].update([new] if new else ())
+        for path in own:
+            name = Path(path.removeprefix(start)).as_posix()
+            copy.move(f"{archive}/{name}", f"{parent}{slash}{name}")
         shutil.rmtree(copy.target / archive, ignore_errors=True)
     copy.unpacked = [_merged_path(name, merged) for name in copy.unpacked if name not in merged]
     copy.refused = [replace(file, path=_merged_path(file.path, merged)) for file in copy.refused]
-
-
-def _folders_above(path: str) -> set[str]:
-    return {str(folder) for folder in Path(path).parents}
 
 
 def _merged_path(path: str, merged: set[str]) -> str:

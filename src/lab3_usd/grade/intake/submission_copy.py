@@ -349,13 +349,18 @@ class SubmissionCopy:
         if is_read:
             os.utime(path, (0.0, changed if 0 <= changed <= _LATEST else 0.0))
 
-    def move(self, name: str, goal: str) -> str | None:
-        """Move a file that was taken in to where no other one is, and return its path."""
+    @property
+    def names(self) -> list[str]:
+        """The names of the files that were taken in, below `target`."""
+        return [Path(path).relative_to(self.target).as_posix() for path in self.digests]
+
+    def move(self, name: str, goal: str) -> None:
+        """Move a file that was taken in to where no other one is."""
         path, new = (self.target.joinpath(*path_parts(at)) for at in (name, goal))
         digest = self.digests.pop(str(path))
         if str(new) in self.digests:
             self.refuse(goal, _TWICE)
-            return None
+            return
         try:
             if new.is_dir():
                 raise IsADirectoryError(goal)
@@ -363,9 +368,8 @@ class SubmissionCopy:
             shutil.move(path, new)  # Landlock lets nobody rename into another folder
         except _CLASHES:
             self.refuse(goal, _CLASH)
-            return None
+            return
         self.digests[str(new)] = digest
-        return str(new)
 
     def forget(self, name: str, reason: str) -> None:
         """Drop a file whose contents turned out to be damaged half-way, and say so."""

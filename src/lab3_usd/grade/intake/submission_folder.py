@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import os
 from collections.abc import Iterator, Sequence
-from pathlib import Path
 
 from msgspec import Struct
 
@@ -94,8 +93,9 @@ def _with_its_files(copy: SubmissionCopy, folders: Sequence[StageFolder]) -> Sta
 
 def _beside(copy: SubmissionCopy, chosen: str, covered: Sequence[str]) -> Iterator[RefusedFile]:
     """Yield what lies beside the folder that is the submission, and is no other one's."""
-    names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
-    left = sorted(name for name in names if not any(_is_inside(name, path) for path in covered))
+    left = sorted(
+        name for name in copy.names if not any(_is_inside(name, path) for path in covered)
+    )
     for name in left[:_MOST_NAMED]:
         yield RefusedFile(name, f"it is outside the judged folder {chosen}", FILE_PASSED_OVER)
     if len(left) > _MOST_NAMED:
@@ -152,9 +152,9 @@ def stage_folder(copy: SubmissionCopy, place: str) -> StageFolder:
 def _stray_stages(copy: SubmissionCopy, places: Sequence[str]) -> list[StageFolder]:
     """Return the folders that hold stages and lie in none of these places."""
     lab = load_lab()
-    names = [Path(path).relative_to(copy.target).as_posix() for path in copy.digests]
+    names = sorted(copy.names)
     outside = [name for name in names if not any(_is_inside(name, place) for place in places)]
-    entries = [FolderFile(name) for name in sorted(outside)]
+    entries = [FolderFile(name) for name in outside]
     stages = find_checkpoint_stages(entries, "", lab, lab.submission.stages)
     parents = {stage.path.rpartition("/")[0] for stage in stages.values()}
     return [stage_folder(copy, parent) for parent in sorted(parents)]

@@ -378,13 +378,12 @@ def _joined(parts: list[SubmissionPart]) -> Iterator[StudentSubmission]:
 
 def _unique(people: Iterable[Person]) -> tuple[Person, ...]:
     """Return people once each, with names and ids that are text."""
-    people_read: list[Person] = []
+    unique: list[Person] = []
     for person in people:
         ids = {kind: _text(value) for kind, value in person.ids.items()}
-        people_read.append(Person(_text(person.name), ids))
-    return tuple(
-        person for rank, person in enumerate(people_read) if person not in people_read[:rank]
-    )
+        as_text = Person(_text(person.name), ids)
+        unique += [] if as_text in unique else [as_text]
+    return tuple(unique)
 
 
 def _text(name: str) -> str:
