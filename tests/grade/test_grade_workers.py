@@ -886,18 +886,21 @@ def test_a_failure_of_ours_names_files_by_their_place_in_the_submission(tmp_path
     assert "No such file or directory: 'work/gone.usda' at " in how
 
 
-@pytest.mark.parametrize(("broken", "goes_on"), [(11, True), (12, False)])
-def test_after_twelve_files_that_end_a_worker_the_rest_is_not_tried(
-    odd: PoolSettings, monkeypatch: pytest.MonkeyPatch, broken: int, *, goes_on: bool
-) -> None:
-    def ask(_slot: WorkerSlot, asked: Task, *_how: object) -> dict[str, str]:
-        if "next.usda" in asked.broken:
+class Dying(WorkerSlot):
+    """A worker that ends at one file."""
+
+    def ask(self, task: Task, *_how: object) -> dict[str, str]:
+        if "next.usda" in task.broken:
             return {"status": "graded"}
         raise WorkerDiedError("ran out of memory", "next.usda")
 
-    monkeypatch.setattr(WorkerSlot, "ask", ask)
+
+@pytest.mark.parametrize(("broken", "goes_on"), [(11, True), (12, False)])
+def test_after_twelve_files_that_end_a_worker_the_rest_is_not_tried(
+    odd: PoolSettings, broken: int, *, goes_on: bool
+) -> None:
     files = {f"{number}.usda": "x" for number in range(broken)}
-    judged, answer = judge_with_retries(WorkerSlot(odd), Task("jane", "jane", (), broken=files))
+    judged, answer = judge_with_retries(Dying(odd), Task("jane", "jane", (), broken=files))
     assert ("status" in answer, "next.usda" in judged.broken) == (goes_on, goes_on)
 
 
