@@ -1,32 +1,31 @@
 """The local and world transforms of prims, out of their own operations.
 
 They equal those of `UsdGeom.Xformable`, also for types unknown to usd-core. UsdGeom's Python
-classes are not loaded, since that takes as long as checking a stage. Matrices are plain tuples:
-converting one of Gf's takes longer than composing two.
+classes, which take half as long to load as a stage takes to check, are loaded for operations alone
+that Isaac Sim does not write. Matrices are plain tuples: converting one of Gf's takes longer than
+composing two.
 """
 
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable
+from contextlib import suppress
 from functools import lru_cache
 from struct import Struct
 from typing import Any
 
-from pxr import Gf, Tf, Usd, Vt
+from pxr import Tf, Usd, Vt
 
 from lab3_usd.model.prims import Matrix, is_at_or_below
 from lab3_usd.model.transforms import IDENTITY, multiply
+from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.properties import authored_data, elements
 
 ORDER = "xformOpOrder"
 RESET = "!resetXformStack!"
-_USUAL = ("xformOp:translate", "xformOp:orient", "xformOp:scale")
-_USUAL_ORDER = Vt.TokenArray(_USUAL)
-_INVERSE = "!invert!"
 _SIXTEEN = Struct("16d")
 _SHORTEST = 1e-10  # length of an axis that is one, as in Gf
-_Maker = Callable[[Any], Matrix]
 
 
 class TransformCache:
@@ -99,47 +98,39 @@ def local_transform(prim: Usd.Prim) -> tuple[Matrix, bool]:
 def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:
     """Compose the operations of a prim.
 
-    One without a value, or of a kind that USD does not have, moves nothing.
+    One without a value, or of a kind that USD does not have, moves nothing. Most stages have those
+    alone that Isaac Sim writes, and do not load UsdGeom.
     """
-    matrix, is_reset = IDENTITY, False
-    for name in _names(order):
-        if name == RESET:
-            matrix, is_reset = IDENTITY, True
-            continue
-        attribute, make, is_inverted = _parsed(name)
-        operation = None if make is None else _operation(prim, attribute, make)
-        if operation is None or operation is IDENTITY:
-            continue
-        if is_inverted:
-            operation = _matrix(Gf.Matrix4d(*operation).GetInverse())
-        matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
-    return matrix, is_reset
-
-
-def _names(order: Any) -> Sequence[str]:
-    """Return the operations of an order, most often those that Isaac Sim writes."""
     if not isinstance(order, Vt.TokenArray):
-        return ()
-    if order == _USUAL_ORDER:
-        return _USUAL
+        return IDENTITY, False
     # Iterating over a Vt type is five times as slow as asking for its elements.
-    return [order[index] for index in range(len(order))]
+    names = [order[index] for index in range(len(order))]
+    if not all(name in _USUAL for name in names):
+        return _composed_by_usdgeom(prim)
+    matrix = IDENTITY
+    for name in names:
+        value = Usd.Attribute.Get(Usd.Prim.GetAttribute(prim, name))
+        try:
+            operation = IDENTITY if value is None else _USUAL[name](value)
+        except (TypeError, ValueError, AttributeError):  # not what the operation takes
+            continue
+        if operation is not IDENTITY:
+            matrix = operation if matrix is IDENTITY else multiply(operation, matrix)
+    return matrix, False
 
 
-@lru_cache(maxsize=1024)
-def _parsed(name: str) -> tuple[str, _Maker | None, bool]:
-    """Return the attribute of an operation, what makes a matrix of it, and whether inverted."""
-    attribute = name.removeprefix(_INVERSE)
-    kind = attribute.split(":")[1] if ":" in attribute else ""
-    return attribute, _MAKERS.get(kind), attribute != name
+@quiet()  # UsdGeom warns of names that are no operations
+def _composed_by_usdgeom(prim: Usd.Prim) -> tuple[Matrix, bool]:
+    """Compose operations of any kind, without those whose values UsdGeom refuses."""
+    from pxr import UsdGeom
 
-
-def _operation(prim: Usd.Prim, attribute: str, make: _Maker) -> Matrix | None:
-    value = Usd.Attribute.Get(Usd.Prim.GetAttribute(prim, attribute))
-    try:
-        return None if value is None else make(value)
-    except (TypeError, ValueError, AttributeError):  # not what the operation takes
-        return None
+    xform = UsdGeom.Xformable(prim)
+    matrix = IDENTITY
+    for operation in xform.GetOrderedXformOps():
+        with suppress(Tf.ErrorException):
+            numbers = operation.GetOpTransform(Usd.TimeCode.Default())
+            matrix = multiply(_SIXTEEN.unpack(numbers), matrix)
+    return matrix, xform.GetResetXformStack()
 
 
 def _translation(value: Any) -> Matrix:
@@ -187,53 +178,9 @@ def _orientation(value: Any) -> Matrix:
     )
 
 
-def _matrix(value: Any) -> Matrix:
-    return _SIXTEEN.unpack(Gf.Matrix4d(value))
-
-
-def _turn(axis: str, degrees: float) -> Matrix:
-    sine, cosine = math.sin(math.radians(degrees)), math.cos(math.radians(degrees))
-    matrix = [*IDENTITY]
-    row, column = {"X": (1, 2), "Y": (2, 0), "Z": (0, 1)}[axis]
-    matrix[5 * row] = matrix[5 * column] = cosine
-    matrix[4 * row + column], matrix[4 * column + row] = sine, -sine
-    return tuple(matrix)
-
-
-def _about(axis: str) -> _Maker:
-    return lambda degrees: _turn(axis, _number(degrees))
-
-
-def _turns(order: str) -> _Maker:
-    """Return the maker of three turns; the first letter turns first."""
-
-    def make(value: Any) -> Matrix:
-        degrees = _vector(value)
-        first, second, third = (_turn(axis, degrees["XYZ".index(axis)]) for axis in order)
-        return multiply(multiply(first, second), third)
-
-    return make
-
-
-def _along(axis: str, make: _Maker, rest: float) -> _Maker:
-    """Return the maker of an operation on one axis; the others keep `rest`."""
-    index = "XYZ".index(axis)
-
-    def make_one(value: Any) -> Matrix:
-        parts = [rest, rest, rest]
-        parts[index] = _number(value)
-        return make(Gf.Vec3d(*parts))
-
-    return make_one
-
-
-_MAKERS: dict[str, _Maker] = {
-    "translate": _translation,
-    "scale": _scaling,
-    "orient": _orientation,
-    "transform": _matrix,
-    **{f"translate{axis}": _along(axis, _translation, 0.0) for axis in "XYZ"},
-    **{f"scale{axis}": _along(axis, _scaling, 1.0) for axis in "XYZ"},
-    **{f"rotate{axis}": _about(axis) for axis in "XYZ"},
-    **{f"rotate{order}": _turns(order) for order in ("XYZ", "XZY", "YXZ", "YZX", "ZXY", "ZYX")},
+# The operations that Isaac Sim writes.
+_USUAL: dict[str, Callable[[Any], Matrix]] = {
+    "xformOp:translate": _translation,
+    "xformOp:orient": _orientation,
+    "xformOp:scale": _scaling,
 }
