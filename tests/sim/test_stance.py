@@ -12,20 +12,22 @@ from pxr import Gf, Usd, UsdGeom, UsdPhysics
 from robot_kinds import mobile
 
 from lab3_usd.model.dry_run import Affine, Check, about
-from lab3_usd.model.solids import Sizes, Solid, solid
+from lab3_usd.model.solids import Solid, solid
 from lab3_usd.model.statics import Stand, standing
 from lab3_usd.physics.overlaps import depth_of
 
 ROBOT = "/World/Robot"
 BASE = f"{ROBOT}/base"
 TYRES = [
-    solid(name, "Cylinder", Sizes(radius=0.1, height=0.05, axis="Y"), Affine(origin=(0.0, y, 0.0)))
+    solid(
+        name, "Cylinder", {"radius": 0.1, "height": 0.05, "axis": "Y"}, Affine(origin=(0.0, y, 0.0))
+    )
     for name, y in (("left", 0.25), ("right", -0.25))
 ]
 
 
 def ball(name: str, x: float, z: float) -> Solid | None:
-    return solid(name, "Sphere", Sizes(radius=0.03), Affine(origin=(x, 0.0, z)))
+    return solid(name, "Sphere", {"radius": 0.03}, Affine(origin=(x, 0.0, z)))
 
 
 def stand(*others: Solid | None, ahead: float = -0.03, above: float = 0.02) -> Stand:
@@ -47,8 +49,8 @@ def test_a_lower_castor_pitches_the_robot_and_all_three_carry_it() -> None:
 
 def test_a_disc_whose_axis_is_scaled_to_nothing_is_no_solid() -> None:
     flat = Affine(((1.0, 0.0, 0.0), (0.0, 0.0, 0.0), (0.0, 0.0, 1.0)))
-    assert solid("wheel", "Cylinder", Sizes(axis="Y"), flat) is None
-    assert solid("wheel", "Cylinder", Sizes(axis="X"), flat) is not None
+    assert solid("wheel", "Cylinder", {"axis": "Y"}, flat) is None
+    assert solid("wheel", "Cylinder", {"axis": "X"}, flat) is not None
 
 
 def test_two_lower_castors_carry_it_alone() -> None:
@@ -78,7 +80,7 @@ def test_what_would_tell_by_what_weight_a_robot_tips_over_is_named(
 
 def test_two_balls_of_two_sizes_lean_to_the_smaller() -> None:
     balls = [
-        solid("ball", "Sphere", Sizes(radius=radius), Affine(origin=(0.0, y, 0.0)))
+        solid("ball", "Sphere", {"radius": radius}, Affine(origin=(0.0, y, 0.0)))
         for y, radius in ((0.25, 0.1), (-0.25, 0.08))
     ]
     found = standing([shape for shape in balls if shape], (0.0, 0.0, 0.0))
@@ -261,25 +263,25 @@ def test_what_a_wall_throws_out_is_not_judged(tmp_path: Path, ahead: float, verd
 
 
 def test_how_deep_a_ball_is_in_a_box_is_how_far_it_must_move() -> None:
-    box = solid("box", "Cube", Sizes(size=2.0), Affine())
+    box = solid("box", "Cube", {"size": 2.0}, Affine())
     apart = [1.4, 1.5, 1.6]
-    balls = [solid("b", "Sphere", Sizes(radius=0.5), Affine(origin=(x, 0.0, 0.0))) for x in apart]
+    balls = [solid("b", "Sphere", {"radius": 0.5}, Affine(origin=(x, 0.0, 0.0))) for x in apart]
     depths = [depth_of(ball, box) for ball in balls if ball is not None and box is not None]
     assert depths == pytest.approx([0.1, 0.0, 0.0])
 
 
 def test_a_ball_beside_the_edge_of_a_box_is_not_inside() -> None:
-    box = solid("box", "Cube", Sizes(size=2.0), Affine())
-    near = solid("ball", "Sphere", Sizes(radius=0.5), Affine(origin=(1.38, 1.38, 0.0)))
+    box = solid("box", "Cube", {"size": 2.0}, Affine())
+    near = solid("ball", "Sphere", {"radius": 0.5}, Affine(origin=(1.38, 1.38, 0.0)))
     assert box is not None
     assert near is not None
     assert depth_of(near, box) == pytest.approx(0.0)
 
 
 def test_a_cylinder_is_round_for_what_stands_beside_it() -> None:
-    drum = solid("drum", "Cylinder", Sizes(radius=1.0, height=1.0), Affine())
+    drum = solid("drum", "Cylinder", {"radius": 1.0, "height": 1.0}, Affine())
     turned = Affine(about((0.0, 0.0, 1.0), math.radians(45.0)), (1.38, 1.38, 0.0))
-    post = solid("post", "Cube", Sizes(size=2.0), turned)
+    post = solid("post", "Cube", {"size": 2.0}, turned)
     assert drum is not None
     assert post is not None
     assert depth_of(drum, post) == pytest.approx(2.0 - 1.38 * math.sqrt(2), abs=1e-3)

@@ -7,14 +7,15 @@ largest scale there, as in PhysX (omni.usdphysics/plugins/Collision.cpp:132-310)
 from __future__ import annotations
 
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from heapq import nsmallest
 from operator import itemgetter
+from typing import Any
 
 from msgspec import Struct
 
 from lab3_usd.model.dry_run import Affine, ScenePrim
-from lab3_usd.model.transforms import Vector, box_of, cross, length, minus
+from lab3_usd.model.transforms import Vector, box_of, cross, length, minus, scaled
 
 _RING = 16  # points of an upright disc
 _UPRIGHT = 0.98  # of the cosine between an axis and the vertical, from which on a disc lies flat
@@ -146,73 +147,54 @@ def _between(first: Vector, second: Vector, part: float) -> Vector:
 _AXES = {"X": (1.0, 0.0, 0.0), "Y": (0.0, 1.0, 0.0), "Z": (0.0, 0.0, 1.0)}
 
 
-class Sizes(Struct, frozen=True):
-    """The sizes of a shape as its prim has them."""
-
-    size: float = 2.0
-    radius: float = 1.0
-    height: float = 2.0
-    axis: str = "Z"
+def solid_of(prim: ScenePrim, at: Affine) -> Solid | None:
+    """Return the shape of a prim at a place, None for what is no solid."""
+    return solid(prim.path, prim.type, prim.values, at)
 
 
-def solid(
-    path: str, kind: str, sizes: Sizes, at: Affine, points: Sequence[Vector] = ()
-) -> Solid | None:
+def solid(path: str, kind: str, values: Mapping[str, Any], at: Affine) -> Solid | None:
     """Return the shape of a prim that stands at `at`, its scale included; None for no solid.
 
-    `points` are those of a mesh in its own frame. A disc whose axis is scaled to nothing is none.
+    `values` are its sizes, and of a mesh the points as a buffer. A disc whose axis is scaled to
+    nothing is none.
     """
     if kind == "Cube":
-        h = sizes.size / 2
+        h = values.get("size", 2.0) / 2
         corners = [(x, y, z) for x in (-h, h) for y in (-h, h) for z in (-h, h)]
         return Solid(path, kind, tuple(map(at.point, corners)))
-    if kind == "Mesh" and points:
-        placed = [at.point(point) for point in points]
-        if len(placed) > _MANY:
-            placed = _fewer(placed)
-        return Solid(path, kind, tuple(placed))
+    if kind == "Mesh":
+        placed = list(map(at.point, _points(values.get("points"))))
+        return Solid(path, kind, tuple(_fewer(placed))) if placed else None
     if kind not in (*BALLS, *DISCS):
         return None
-    way = _AXES.get(sizes.axis, _AXES["Z"])
-    scale = {name: length(at.turn(axis)) for name, axis in _AXES.items()}
-    name = sizes.axis if sizes.axis in _AXES else "Z"
+    name = str(values.get("axis"))
+    name = name if name in _AXES else "Z"
+    scale = {axis: length(at.turn(along)) for axis, along in _AXES.items()}
     if kind in DISCS and not scale[name]:
         return None
+    r = values.get("radius", 1.0)
     if kind == "Sphere":
-        r = sizes.radius * max(scale.values())
-        return Solid(path, kind, (at.origin,), (r,))
-    r = sizes.radius * max(size for axis, size in scale.items() if axis != name)
-    along = at.turn(way)
-    unit = scale[name] or 1.0
-    half = sizes.height / 2
-    ends = tuple(
-        (
-            at.origin[0] + side * along[0],
-            at.origin[1] + side * along[1],
-            at.origin[2] + side * along[2],
-        )
-        for side in (-half, half)
-    )
-    axis = None if kind == "Capsule" else (along[0] / unit, along[1] / unit, along[2] / unit)
+        return Solid(path, kind, (at.origin,), (r * max(scale.values()),))
+    r *= max(size for axis, size in scale.items() if axis != name)
+    along = at.turn(_AXES[name])
+    half = scaled(along, values.get("height", 2.0) / 2)
+    ends = (minus(at.origin, half), minus(at.origin, scaled(half, -1.0)))
+    axis = None if kind == "Capsule" else scaled(along, 1 / (scale[name] or 1.0))
     return Solid(path, kind, ends, (r, 0.0 if kind == "Cone" else r), axis)
 
 
-def solid_of(prim: ScenePrim, at: Affine) -> Solid | None:
-    """Return the shape of a prim at a place, None for what is no solid."""
-    values = prim.values
-    names = ("size", "radius", "height", "axis")
-    sizes = Sizes(**{name: values[name] for name in names if values.get(name) is not None})
-    points: Sequence[Vector] = ()
-    if prim.type == "Mesh":
-        buffer = values.get("points")
-        if buffer is not None and buffer.nbytes:
-            flat = buffer.cast("B").cast(buffer.format).tolist()
-            points = list(zip(flat[::3], flat[1::3], flat[2::3], strict=True))
-    return solid(prim.path, prim.type, sizes, at, points)
+def _points(buffer: memoryview | None) -> Iterable[Vector]:
+    """Return the points of a mesh, which a buffer has number after number."""
+    if buffer is None or not buffer.nbytes:
+        return ()
+    flat = buffer.cast("B").cast(buffer.format).tolist()  # type: ignore[call-overload]
+    return zip(flat[::3], flat[1::3], flat[2::3], strict=True)
 
 
 def _fewer(points: list[Vector]) -> list[Vector]:
-    """Return the lowest points, and those that bound all."""
+    """Return the lowest points of many, and those that bound all."""
+    if len(points) <= _MANY:
+        return points
     kept = dict.fromkeys(nsmallest(_FEW, points, key=itemgetter(2)))
     for k in range(3):
         kept |= dict.fromkeys((min(points, key=itemgetter(k)), max(points, key=itemgetter(k))))

@@ -90,9 +90,7 @@ def _level(axis: Vector) -> Vector:
 def _tipping(points: Sequence[Vector], heart: Vector) -> Vector:
     """Return the axis about which something tips whose centre of mass nothing carries."""
     hull = _outline([(x, y) for x, y, _ in points])
-    sides = zip(hull, [*hull[1:], hull[0]], strict=True)
-    near = [_nearest(a, b, heart[0], heart[1]) for a, b in sides]
-    x, y = min(near, key=lambda at: math.hypot(heart[0] - at[0], heart[1] - at[1]))
+    x, y = _nearest(hull, heart[0], heart[1])
     return _level((y - heart[1], heart[0] - x, 0.0))
 
 
@@ -205,15 +203,20 @@ def _turning(a: tuple[float, float], b: tuple[float, float], c: tuple[float, flo
 
 def _outside(hull: Sequence[tuple[float, float]], x: float, y: float) -> float:
     """Return how far a place is beside an outline, 0 inside."""
-    sides = list(zip(hull, [*hull[1:], hull[0]], strict=True))
+    sides = zip(hull, [*hull[1:], hull[0]], strict=True)
     if len(hull) >= len("abc") and all(_turning(a, b, (x, y)) >= 0 for a, b in sides):
         return 0.0
-    return min(math.hypot(x - p, y - q) for p, q in (_nearest(a, b, x, y) for a, b in sides))
+    return math.dist(_nearest(hull, x, y), (x, y))
 
 
-def _nearest(
-    a: tuple[float, float], b: tuple[float, float], x: float, y: float
-) -> tuple[float, float]:
+def _nearest(hull: Sequence[tuple[float, float]], x: float, y: float) -> tuple[float, float]:
+    """Return the place on an outline that is the nearest to another one."""
+    sides = zip(hull, [*hull[1:], hull[0]], strict=True)
+    return min((_on(a, b, x, y) for a, b in sides), key=lambda at: math.dist(at, (x, y)))
+
+
+def _on(a: tuple[float, float], b: tuple[float, float], x: float, y: float) -> tuple[float, float]:
+    """Return the place between two that is the nearest to another one."""
     dx, dy = b[0] - a[0], b[1] - a[1]
     square = dx * dx + dy * dy
     k = ((x - a[0]) * dx + (y - a[1]) * dy) / square if square else 0.0
@@ -226,9 +229,7 @@ def _drawn_in(hull: Sequence[tuple[float, float]], x: float, y: float) -> tuple[
     u, v = (sum(column) / len(hull) for column in zip(*hull, strict=True))
     part = 1e-9
     if _outside(hull, x, y):
-        sides = zip(hull, [*hull[1:], hull[0]], strict=True)
-        near = [_nearest(a, b, x, y) for a, b in sides]
-        x, y = min(near, key=lambda at: math.hypot(x - at[0], y - at[1]))
+        x, y = _nearest(hull, x, y)
         part = 1e-6
     return x + part * (u - x), y + part * (v - y)
 
