@@ -14,13 +14,26 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.facts.domains import Domain, domain_of
-from lab3_usd.facts.execution_order import is_switched_on, live_nodes, nodes_with, run_states
-from lab3_usd.facts.rates import rate_source
+from lab3_usd.facts.execution_order import (
+    event_of,
+    is_switched_on,
+    live_nodes,
+    nodes_with,
+    run_states,
+    signals,
+)
 from lab3_usd.facts.reaching_values import LiveNodes, Nodes, effective_value, live_sources
-from lab3_usd.facts.render_products import has_two_sizes, sensor_of, stereo_products
+from lab3_usd.facts.render_products import (
+    has_two_sizes,
+    sensor_of,
+    sensor_shown,
+    stereo_products,
+)
+from lab3_usd.facts.sensor_values import values_of
 from lab3_usd.facts.stuck_nodes import obstacle, working_nodes, working_states
 from lab3_usd.isaac.messages import NAMED
 from lab3_usd.isaac.node_types import INPUT, KIND, NodeType
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.topics import frame_ports, product_input, resolved_topic, topic_switch
 from lab3_usd.model.qos import Direction, Qos
 from lab3_usd.model.stage import Node, StageModel, Unknown, once_per_stage
@@ -245,7 +258,7 @@ def _endpoint(
         frames=tuple("?" if frame is None else str(frame) for frame in frames),
         queue=queue if isinstance(queue, int) else None,
         qos=None if qos is None or not qos.is_known else qos.opened(direction),
-        rate=rate_source(node, stage, running, static=static),
+        rate=_rate_source(node, stage, running, static=static),
         runs=runs,
         sure=runs and is_sure,
         domain=domain_of(node, live, stage.platform),
@@ -372,3 +385,39 @@ def _is_fed(node: Node, port: str, live: Nodes) -> bool:
     """Whether an input that is empty by default gets anything, by wire or as a value."""
     value = effective_value(node, port, live)
     return value is None or value not in ("", ())
+
+
+_SKIPPED = "inputs:frameSkipCount"  # frames of the sensor that a helper leaves out after each
+
+
+def _rate_source(node: Node, stage: StageModel, running: Nodes, *, static: bool) -> str:
+    """Say what sets the pace: the sensor's own rate, the event that starts the node, or nothing."""
+    state = run_states(stage).get(node.path)
+    if state is None:
+        return "never"
+    event = ", ".join(dict.fromkeys(_events(node, stage.platform, running))) or "every update"
+    event = event if state == "runs" else f"perhaps {event}"
+    if static:
+        return f"once after {event}"
+    sensor = sensor_shown(node, stage, running)
+    prim = None if sensor is None else stage.prim(sensor)
+    rate = 0.0  # for every frame
+    if prim is not None:
+        rate = values_of(prim, stage).number(stage.platform.sensor_models.lidar.rate) or 0.0
+    skipped = effective_value(node, _SKIPPED, running)
+    rate /= skipped + 1 if isinstance(skipped, int) and skipped > 0 else 1
+    return f"sensor at {rate:g} Hz" if rate > 0 else event
+
+
+def _events(node: Node, platform: Platform, running: Nodes) -> Iterator[str]:
+    """Yield the names of the events that the node's execution comes from, each once."""
+    seen = {node.path}
+    for current in (ahead := [node]):
+        senders = signals(current, running)
+        if event_of(current, platform) is not None or (current is not node and not senders):
+            kind = current.type
+            yield (current.type_name.rpartition(".")[2] if kind is None else kind.handout_name)
+        for source, _ in senders:
+            if source.path not in seen:
+                seen.add(source.path)
+                ahead.append(source)

@@ -273,22 +273,24 @@ def computed_pairs(node: Node, stage: StageModel) -> Sequence[Pair]:
 
 
 def _frames_of(target: str, node: Node, stage: StageModel) -> Links:
-    if stage.prim(target) is None:
-        return {}
     links = _expansion(target, node, stage)
     if links is not None:
         return links
-    return {} if unknown_target(target, stage) else {target: ""}
+    is_there = stage.prim(target) is not None and not unknown_target(target, stage)
+    return {target: ""} if is_there else {}
 
 
 def links_given_by(target: str, node: Node, stage: StageModel) -> tuple[str, ...]:
     """Return the prims that a target prim of a node represents; itself if it is a frame."""
-    links = _expansion(target, node, stage) if stage.prim(target) is not None else None
+    links = _expansion(target, node, stage)
     return (target,) if links is None else tuple(links)
 
 
 def _expansion(target: str, node: Node, stage: StageModel) -> Links | None:
-    prim = stage.prims[target]
+    """Return what a target prim of a node becomes; None where it stays one, or there is none."""
+    prim = stage.prim(target)
+    if prim is None:
+        return None
     if computes(node):
         return expansion(prim, stage, parent_prim(node))
     return articulation_links(prim, stage)
@@ -296,7 +298,7 @@ def _expansion(target: str, node: Node, stage: StageModel) -> Links | None:
 
 def expands(target: str, node: Node, stage: StageModel) -> bool:
     """Whether a target prim of a node stands for other prims than itself."""
-    return stage.prim(target) is not None and _expansion(target, node, stage) is not None
+    return _expansion(target, node, stage) is not None
 
 
 def unresolved_frames_of(node: Node, stage: StageModel) -> Iterator[UnresolvedFrames]:

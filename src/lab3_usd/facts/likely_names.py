@@ -51,15 +51,21 @@ def likely_type(written: str, types: Collection[str]) -> str | None:
     differs only in a number.
     """
     *before, last = written.split(".")
-    last = last.removeprefix("Ogn")
-    same = [name for name in types if name.rpartition(".")[2].removeprefix("Ogn") == last]
-    if len(same) == 1 and last and _is_known_publisher(before, same[0], types):
-        return same[0]
+    same = _only_one_called(last, types)
+    if same and _is_known_publisher(before, same, types):
+        return same
     if near_name(written, types, _NEAR_TYPE) is None:
         return None
     letters = re.sub(_NUMBER, "", written)
     others = [name for name in types if re.sub(_NUMBER, "", name) != letters]
     return near_name(written, others, _NEAR_TYPE)
+
+
+def _only_one_called(last: str, types: Collection[str]) -> str:
+    """Return the only type with this last part of its name, '' where none or several have it."""
+    last = last.removeprefix("Ogn")
+    same = [name for name in types if name.rpartition(".")[2].removeprefix("Ogn") == last]
+    return same[0] if len(same) == 1 and last else ""
 
 
 def _is_known_publisher(before: list[str], meant: str, types: Collection[str]) -> bool:
@@ -89,12 +95,10 @@ def meant_type(written: str, platform: Platform) -> str | None:
         return None
     if written in platform.lookalikes:
         return platform.lookalikes[written]
-    last = written.rpartition(".")[2].removeprefix("Ogn")
     if platform.names.is_former_extension(written):
-        types = platform.types
-        same = [name for name in types if name.rpartition(".")[2].removeprefix("Ogn") == last]
-        if len(same) == 1 and last:
-            return same[0]
+        same = _only_one_called(written.rpartition(".")[2], platform.types)
+        if same:
+            return same
     return likely_type(written, platform.types)
 
 

@@ -29,6 +29,7 @@ from lab3_usd.model.physics import (
     is_excluded,
     joint_limits,
     joints,
+    number,
     rigid_bodies,
     vector,
 )
@@ -108,7 +109,7 @@ class Wheel(Struct, frozen=True, eq=False):
     @property
     def roller_angle(self) -> float | None:
         """How the rollers stand to the axle, in degrees; None for a wheel without any."""
-        return _number(self.joint.prim, ROLLER_ANGLE)
+        return number(self.joint.prim.attributes.get(ROLLER_ANGLE))
 
     @property
     def side(self) -> Side:
@@ -312,14 +313,16 @@ def _wheels(
 ) -> Iterator[Wheel]:
     up = AXES["XYZ".index(stage.up_axis)] if stage.up_axis in "XYZ" else AXES[2]
     rolling = []
-    hubs = {j.link: j for j in robot.joints if _number(j.prim, ROLLER_ANGLE) is not None}
+    hubs = {
+        j.link: j for j in robot.joints if number(j.prim.attributes.get(ROLLER_ANGLE)) is not None
+    }
     for joint in robot.joints:
         axle = _axle(joint, stage)
         is_level = axle is not None and abs(dot(axle, up)) <= _LEVEL
         if joint.near in hubs:
             continue  # a roller
         if joint.link in hubs and axle is not None:
-            size = _number(joint.prim, _ROLLER_RADIUS)
+            size = number(joint.prim.attributes.get(_ROLLER_RADIUS))
             radius = None if size is None else size * stage.meters_per_unit
             rolling.append((joint, axle, radius, "rollers"))
         elif joint.prim.type == REVOLUTE and not joint.has_limits and axle is not None and is_level:
@@ -352,11 +355,6 @@ def _wheels(
         place = (dot(away, axes[0]), dot(away, axes[1]), dot(away, axes[2]))
         turned = (dot(axle, axes[0]), dot(axle, axes[1]), dot(axle, axes[2]))
         yield Wheel(joint, scaled(place, stage.meters_per_unit), turned, radius, shape, steering)
-
-
-def _number(prim: Prim, name: str) -> float | None:
-    value = prim.attributes.get(name)
-    return float(value) if isinstance(value, (int, float)) else None
 
 
 def _pivots(

@@ -143,11 +143,9 @@ def _base(joint: Prim, stage: StageModel) -> Prim | None:
 
 def anchor(joint: Prim, stage: StageModel) -> Vector | None:
     """Return where a joint sits on its base, in the base's own axes and in stage units."""
-    place = joint.attributes.get("physics:localPos0", (0.0, 0.0, 0.0))
-    if _base(joint, stage) is None or not isinstance(place, tuple):
-        return None
-    numbers = [float(part) for part in place if isinstance(part, (int, float))]
-    return (numbers[0], numbers[1], numbers[2]) if len(numbers) == len("xyz") else None
+    place = numbers(joint.attributes.get("physics:localPos0", (0.0, 0.0, 0.0)))
+    is_known = _base(joint, stage) is not None and len(place) == len("xyz")
+    return (place[0], place[1], place[2]) if is_known else None
 
 
 def _anchor_in_world(joint: Prim, stage: StageModel) -> Vector | None:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING, Literal, TypeAlias
+from typing import TYPE_CHECKING, Literal, TypeAlias, get_args
 
 from msgspec import Struct
 
@@ -239,9 +239,7 @@ class TextChange(Struct, frozen=True):
 
 # In the order of reports. What comes over ROS follows from what stands above it.
 Part = Literal["graph", "node", "value", "wire", "target", "robot", "scene", "topic", "frame"]
-PARTS: tuple[Part, ...] = (
-    "graph", "node", "value", "wire", "target", "robot", "scene", "topic", "frame",
-)  # fmt: skip
+PARTS: tuple[Part, ...] = get_args(Part)
 ChangeKind = Literal["added", "removed", "changed"]
 EDITS: tuple[ChangeKind, ...] = ("removed", "changed", "added")
 
@@ -271,7 +269,7 @@ class StageDiff(Struct, frozen=True):
 
 # What a difference is about, the gravest first.
 Kind = Literal["type", "schema", "physics", "place", "look", "added"]
-KINDS: tuple[Kind, ...] = ("type", "schema", "physics", "place", "look", "added")
+KINDS: tuple[Kind, ...] = get_args(Kind)
 Site = tuple[str, str | None]
 
 

@@ -1,4 +1,4 @@
-"""The prims of a stage that are not nodes, and how they are found."""
+"""The prims of a stage that are not nodes, and what an open stage tells of them."""
 
 from __future__ import annotations
 
@@ -168,12 +168,10 @@ class Colliders:
 
     def below(self, top: str) -> Iterable[Collider]:
         """Return the boxes of the shapes at and below a prim."""
-        del top
         return ()
 
     def beside(self, top: str) -> Iterable[Collider]:
         """Return the boxes of the shapes that are not `below` a prim."""
-        del top
         return ()
 
     def bounds(self) -> Iterable[Collider]:
@@ -182,10 +180,47 @@ class Colliders:
 
     def measured(self, path: str) -> Collider | None:
         """Return the box of the shapes of a collision prim."""
-        del path
         return None
 
     def shape(self, path: str) -> Collider | None:
         """Return the box around a prim's own shape, whether it collides or not."""
-        del path
         return None
+
+
+class Details:
+    """Answers about the prims of a stage; none where no stage is open."""
+
+    def fallback(self, path: str, name: str) -> Value | None:
+        """Return what the schema of a prim gives an attribute that has no value."""
+        return None
+
+    def is_file(self, path: str, name: str) -> bool:
+        """Whether an attribute names a file."""
+        return False
+
+    def variant(self, path: str, variants: str) -> str:
+        """Return which one of a prim's set of variants is selected, '' for none."""
+        return ""
+
+    def other_type(self, path: str, name: str, asked: str) -> tuple[str, str] | None:
+        """Return the type that a layer gives an attribute, and the one in which it is read.
+
+        They are told where both are of text, and not the same: the second is that of the schema,
+        else the one that is `asked` for.
+        """
+        return None
+
+    def local(self, path: str) -> Matrix | None:
+        """Return the transform of a prim in its parent; None where none is authored."""
+        return None
+
+    def origin(self, path: str) -> tuple[float, float, float] | None:
+        """Return where the origin of a prim is in the world, in metres; None without a prim."""
+        return None
+
+    def material(self, path: str, binding: str) -> str:
+        """Return the material with which USD draws a prim, or lets it slide; '' for none.
+
+        `binding` is the relationship for one purpose, as `material:binding:physics`.
+        """
+        return ""

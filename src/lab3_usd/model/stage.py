@@ -13,9 +13,9 @@ from lab3_usd.isaac.node_types import NodeType
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import SAVED, Margin, Value, are_alike, same_numbers
 from lab3_usd.model.build import Build
-from lab3_usd.model.details import Details
 from lab3_usd.model.prims import (
     Colliders,
+    Details,
     NameFilter,
     Prim,
     Prims,

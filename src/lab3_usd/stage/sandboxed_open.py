@@ -10,6 +10,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 
 from msgspec import Struct
+from msgspec.structs import replace
 from pxr import Ar, Sdf, Tf, Usd, UsdUtils
 
 from lab3_usd.errors import StageError
@@ -265,9 +266,7 @@ def _open_first(bounds: FileBounds, path: Path, real: str) -> Usd.Stage:
         twin_name = name_of(bounds, twin)
         for (stage_name, asset), blocked in list(bounds.found.items()):
             if stage_name == twin_name:
-                bounds.found[name, asset] = BlockedAsset(
-                    name, asset, blocked.reason, blocked.is_error
-                )
+                bounds.found[name, asset] = replace(blocked, stage=name)
         return bounds.stages[twin]
     root = open_layer(bounds, real, real)
     close_openings(bounds, root, name)
@@ -305,9 +304,7 @@ def _check_graphs(bounds: FileBounds, stage: Usd.Stage, name: str) -> None:
         blocked = bounds.found.get((name, missing.asset))
         if above and blocked is not None:
             reason = f"a graph hangs on it, and {blocked.reason}"
-            bounds.found[name, missing.asset] = BlockedAsset(
-                name, blocked.asset, reason, is_error=True
-            )
+            bounds.found[name, missing.asset] = replace(blocked, reason=reason, is_error=True)
 
 
 def files_of(stage_path: Path) -> frozenset[str]:

@@ -7,8 +7,7 @@ from typing import Any
 from pxr import Sdf
 
 from lab3_usd.isaac.values import Value
-from lab3_usd.model.details import Details
-from lab3_usd.model.prims import Matrix
+from lab3_usd.model.prims import Details, Matrix
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.prims import PrimReader
 from lab3_usd.stage.read.properties import CENTIMETRES, plain_value, prim_at, stage_number

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
-from functools import lru_cache, partial
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -446,15 +446,10 @@ def read_ports(
             if name in names:
                 continue  # the file has the port under its own name, too
         if name.startswith(OUTPUT):
-            ports[name] = _output(name)
+            ports[name] = PortState(name)
         elif name.startswith(INPUT):
             ports[name] = _input(name, properties[written], kind)
     return ports
-
-
-@lru_cache(maxsize=4096)
-def _output(name: str) -> PortState:
-    return PortState(name)
 
 
 def _input(name: str, authored: AuthoredProperty, kind: NodeType | None) -> PortState:
