@@ -11,7 +11,7 @@ from lab3_usd.facts.execution_order import live_nodes, nodes_with
 from lab3_usd.facts.frame_targets import articulation_links
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.reaching_values import effective_value, live_sources
-from lab3_usd.isaac.node_types import INPUT, DrivePorts
+from lab3_usd.isaac.node_types import INPUT, DrivePorts, JointList
 from lab3_usd.isaac.releases import is_release_within
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, read_drive
@@ -88,7 +88,9 @@ def commands(stage: StageModel) -> Iterator[Command]:
         path = effective_value(node, ports.path, live)
         is_by_path = path is None or bool(path)
         aim = str(path or "") if is_by_path else next(iter(node.targets(ports.target)), "")
-        names = listed_names(node, ports.joints, live) or _found_joints(node, ports.joints, stage)
+        names, listing = listed_names(node, ports.joints, live), _listing(node, ports.joints, stage)
+        if not names and listing is not None:
+            names = _found_joints(*listing, stage)
         is_numbered = node.sources(ports.indices) or effective_value(node, ports.indices, live)
         is_by_number = bool(is_numbered) and not unused_indices(node, ports, stage)
         yield Command(
@@ -99,38 +101,29 @@ def commands(stage: StageModel) -> Iterator[Command]:
             roots=tuple(articulations(aim, stage)) if aim else (),
             names=None if is_by_number and not names else names,
             unknown=stage.unknown_below(aim) if aim else None,
-            marked_by=_mark(node, ports.joints, stage),
+            marked_by="" if listing is None else listing[1].attribute,
         )
 
 
-def _mark(node: Node, port: str, stage: StageModel) -> str:
-    """Return the attribute of the joints whose names another node finds by it; '' for others."""
-    listings = (
-        (source.type.lists_joints, output)
-        for source, output in live_sources(node, port, live_nodes(stage))
-        if source.type is not None
-    )
-    names = (
-        listing.attribute for listing, output in listings if listing and output == listing.output
-    )
-    return next(names, "")
-
-
-def _found_joints(node: Node, port: str, stage: StageModel) -> tuple[str, ...] | None:
-    """Return the names of joints that another node finds by their attribute, None for others."""
-    live = live_nodes(stage)
-    for source, output in live_sources(node, port, live):
+def _listing(node: Node, port: str, stage: StageModel) -> tuple[Node, JointList] | None:
+    """Return the node that finds the joints of an input by an attribute, None for none."""
+    for source, output in live_sources(node, port, live_nodes(stage)):
         listing = None if source.type is None else source.type.lists_joints
-        if listing is None or output != listing.output:
-            return listed_names(node, port, live)
-        by_path = effective_value(source, listing.by_path, live) is True
-        path = effective_value(source, listing.path, live) if by_path else None
-        robot = path if by_path else next(iter(source.targets(listing.prim)), None)
-        if not isinstance(robot, str) or stage.prim(robot) is None or stage.unknown_below(robot):
-            return None
-        below = stage.below(robot)
-        return tuple(prim.name for prim in below if listing.attribute in prim.attributes)
-    return listed_names(node, port, live)
+        if listing is not None and output == listing.output:
+            return source, listing
+    return None
+
+
+def _found_joints(source: Node, listing: JointList, stage: StageModel) -> tuple[str, ...] | None:
+    """Return the names of the joints that a node finds by an attribute, None for unknown."""
+    live = live_nodes(stage)
+    by_path = effective_value(source, listing.by_path, live) is True
+    path = effective_value(source, listing.path, live) if by_path else None
+    robot = path if by_path else next(iter(source.targets(listing.prim)), None)
+    if not isinstance(robot, str) or stage.prim(robot) is None or stage.unknown_below(robot):
+        return None
+    below = stage.below(robot)
+    return tuple(prim.name for prim in below if listing.attribute in prim.attributes)
 
 
 def unused_indices(node: Node, ports: DrivePorts, stage: StageModel) -> Value | None:

@@ -77,15 +77,16 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
             while parent and parent not in nodes:
                 parent = parent.rpartition("/")[0]
             if parent:
-                nodes[parent].append(_node(prim, path, time))
+                nodes[parent].append(_node(prim, path, time, platform))
         else:
             prims[path] = _prim(prim, path, kind, time, prims, missing)
     users = _only_users(prims, platform)
+    types = {node.path: node.type for members in nodes.values() for node in members}
+    port_names = {path: platform.other_ports(kind) for path, kind in types.items()}
     nodes = {
-        graph: [_used_by(node, users.get(graph), platform) for node in members]
+        graph: [_named(_used_by(node, users.get(graph), platform), port_names) for node in members]
         for graph, members in nodes.items()
     }
-    types = {node.path: node.type for members in nodes.values() for node in members}
     compounds = compounds_in(stage, graphs, types, platform.building.compound)
     opened = opened_scene_nodes((node for members in nodes.values() for node in members), compounds)
     by_path = {node.path: node for node in opened}
@@ -104,12 +105,6 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
             beside = Usd.Stage.CreateInMemory()
             made = UsdGeom.Camera.Define(beside, path).GetPrim()
             prims[path] = _prim(made, path, str(made.GetTypeName()), NO_TIME, {}, {})
-    port_names = {
-        node.path: names
-        for members in nodes.values()
-        for node in members
-        if (names := platform.other_ports(node.type))
-    }
     unit = stage_number(stage.GetMetadata("metersPerUnit"), CENTIMETRES)
     return Scene(
         # A unit too small to see a room in is a metre, as is one too large.
@@ -121,7 +116,7 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
                 str(_value(prim, "evaluator:type") or platform.graph.value("evaluator:type")),
                 str(_value(prim, "pipelineStage") or "pipelineStageSimulation"),
                 str(_value(prim, "evaluationMode") or "Automatic"),
-                tuple(_named(node, port_names) for node in nodes[path]),
+                tuple(nodes[path]),
                 {
                     str(name).removeprefix(VARIABLE): _value(prim, str(name))
                     for name in prim.GetAuthoredPropertyNames()
@@ -148,16 +143,10 @@ def _only_users(prims: Mapping[str, ScenePrim], platform: Platform) -> dict[str,
 
 
 def _used_by(node: SceneNode, user: str | None, platform: Platform) -> SceneNode:
-    """Return a node with its type by the platform's name, and the user of its graph as target.
-
-    The user stands in place of the placeholder for it.
-    """
-    name = platform.type_name(node.type)
-    node = node if name == node.type else replace(node, type=name)
-    placeholder = platform.graph.evaluation.placeholder
-    named = {path for paths in node.targets.values() for path in paths}
-    if user is None or not any(path.rpartition("/")[2] == placeholder for path in named):
+    """Return a node with the user of its graph as target, in place of the placeholder for it."""
+    if user is None:
         return node
+    placeholder = platform.graph.evaluation.placeholder
     targets = {
         name: tuple(user if path.rpartition("/")[2] == placeholder else path for path in paths)
         for name, paths in node.targets.items()
@@ -167,8 +156,6 @@ def _used_by(node: SceneNode, user: str | None, platform: Platform) -> SceneNode
 
 def _named(node: SceneNode, port_names: Mapping[str, Mapping[str, OtherName]]) -> SceneNode:
     """Return a node whose ports, and those that feed it, have their names of the platform."""
-    if not port_names:
-        return node
     own_names = port_names.get(node.path, {})
 
     def own(names: Mapping[str, _Value]) -> dict[str, _Value]:
@@ -190,7 +177,7 @@ def _named(node: SceneNode, port_names: Mapping[str, Mapping[str, OtherName]]) -
     return replace(node, inputs=inputs, targets=own(node.targets))
 
 
-def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> SceneNode:
+def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode, platform: Platform) -> SceneNode:
     inputs, targets = {}, {}
     for name in map(str, Usd.Prim.GetAuthoredPropertyNames(prim)):
         if not name.startswith("inputs:"):
@@ -203,7 +190,7 @@ def _node(prim: Usd.Prim, path: str, time: Usd.TimeCode) -> SceneNode:
     version = _value(prim, "node:typeVersion")
     return SceneNode(
         path,
-        str(_value(prim, "node:type") or ""),
+        platform.type_name(str(_value(prim, "node:type") or "")),
         version if isinstance(version, int) else 0,
         inputs,
         targets,

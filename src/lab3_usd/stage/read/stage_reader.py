@@ -175,7 +175,6 @@ class _Scan:
         self.old_types: list[OldType] = []
         self._inner: dict[str, tuple[str, ...]] = {}
         self._namespaces: dict[str, tuple[str, ...]] = {"/": ()}
-        self._types: dict[str, tuple[str, NodeType | None, Mapping[str, OtherName]]] = {}
 
     def run(self) -> None:
         """Look at every prim; at those that the application made for itself only for scripts."""
@@ -286,7 +285,7 @@ class _Scan:
         written = _text(properties[_NODE_TYPE].value())
         own = _text(properties[_NAMESPACE].value()) if _NAMESPACE in names else ""
         version = properties[_VERSION].value()
-        type_name, kind, own_names = self._types.get(written) or self._type(written)
+        type_name, kind, own_names = self._type(written)
         ports = read_ports(properties, kind, own_names)
         is_old = not written or self._platform.names.is_old(written)
         if is_old and IS_PRESENT(prim) and not prim.IsInstanceProxy():
@@ -316,9 +315,7 @@ class _Scan:
     def _type(self, written: str) -> tuple[str, NodeType | None, Mapping[str, OtherName]]:
         """Return what `node:type` means: a name, its type, and other names of its ports."""
         name = self._platform.type_name(written)
-        entry = name, self._platform.types.get(name), self._platform.other_ports(name)
-        self._types[written] = entry
-        return entry
+        return name, self._platform.types.get(name), self._platform.other_ports(name)
 
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
