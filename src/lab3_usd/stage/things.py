@@ -19,6 +19,7 @@ from lab3_usd.model.transforms import (
     rotation_difference,
 )
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
+from lab3_usd.stage.read.plain_scene import paths_of, prims_but
 from lab3_usd.stage.read.prim_transforms import ORDER, TransformCache
 from lab3_usd.stage.read.properties import CENTIMETRES, plain_value, stage_number
 from lab3_usd.stage.schema_names import known_type
@@ -61,15 +62,8 @@ def read_things(path: Path, without: Collection[str], unsaid: Collection[str]) -
     with stage_errors(str(path)):
         stage = open_stage(path)
         reader = _Reader(stage, (*_UNSAID, *unsaid))
-        walk = iter(Usd.PrimRange.Stage(stage))
-        things = {}
-        for prim in walk:
-            place = str(prim.GetPath())
-            if any(fnmatchcase(place, pattern) for pattern in without):
-                walk.PruneChildren()
-            elif reader.is_own(prim.GetPrimStack()):
-                things[place] = reader.thing(prim)
-        return things
+        own = (prim for prim in prims_but(stage, without) if reader.is_own(prim.GetPrimStack()))
+        return {str(prim.GetPath()): reader.thing(prim) for prim in own}
 
 
 class _Reader:
@@ -133,12 +127,10 @@ class _Reader:
                 yield attribute.GetName(), ("" if is_known else kind, value)
 
     def _targets(self, prim: Usd.Prim) -> Iterator[tuple[str, tuple[str, ...]]]:
-        for relationship in self._said(prim.GetAuthoredRelationships()):
-            yield relationship.GetName(), tuple(map(str, relationship.GetTargets()))
-        for attribute in self._said(prim.GetAuthoredAttributes()):
-            sources = tuple(map(str, attribute.GetConnections()))
-            if sources:
-                yield attribute.GetName(), sources
+        for each in self._said(prim.GetAuthoredProperties()):
+            paths = paths_of(each)
+            if paths or isinstance(each, Usd.Relationship):
+                yield each.GetName(), paths
 
 
 def _assets(specs: list[Any]) -> Iterator[tuple[Sdf.Layer, str]]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator
+from fnmatch import fnmatchcase
 from pathlib import Path
 from typing import Any
 
@@ -52,7 +53,7 @@ def read_plain_scene(path: Path, without: Collection[str]) -> PlainScene:
         stage = open_stage(path)
         default = stage.GetDefaultPrim()
         prims: list[PlainPrim] = []
-        for prim in _prims(stage, without):
+        for prim in prims_but(stage, without):
             reason = _not_plain(prim)
             if not reason and len(prims) == _MOST_PRIMS:
                 reason = f"the scene has more than {_MOST_PRIMS} prims"
@@ -64,10 +65,11 @@ def read_plain_scene(path: Path, without: Collection[str]) -> PlainScene:
         return PlainScene(default.GetName(), tuple(prims))
 
 
-def _prims(stage: Usd.Stage, without: Collection[str]) -> Iterator[Usd.Prim]:
+def prims_but(stage: Usd.Stage, without: Collection[str]) -> Iterator[Usd.Prim]:
+    """Yield the prims of a stage but those at and below the paths that patterns name."""
     walk = iter(Usd.PrimRange.Stage(stage))
     for prim in walk:
-        if str(prim.GetPath()) in without:
+        if any(fnmatchcase(str(prim.GetPath()), pattern) for pattern in without):
             walk.PruneChildren()
         else:
             yield prim
@@ -116,17 +118,17 @@ def _plain_prim(prim: Usd.Prim) -> PlainPrim:
         local=local_transform(prim)[0] if has_place else None,
         values=tuple(values),
         targets=tuple(
-            (each.GetName(), tuple(map(str, paths)))
+            (each.GetName(), paths)
             for each in prim.GetAuthoredProperties()
-            if (paths := _paths(each))
+            if (paths := paths_of(each))
         ),
     )
 
 
-def _paths(each: Usd.Property) -> list[Sdf.Path]:
+def paths_of(each: Usd.Property) -> tuple[str, ...]:
     """Return what a relationship leads to, or an attribute is connected to."""
     is_attribute = isinstance(each, Usd.Attribute)
-    return list(each.GetConnections() if is_attribute else each.GetTargets())
+    return tuple(map(str, each.GetConnections() if is_attribute else each.GetTargets()))
 
 
 def _plain(value: Any) -> Any:
