@@ -304,7 +304,13 @@ def expands(target: str, node: Node, stage: StageModel) -> bool:
 def unresolved_frames_of(node: Node, stage: StageModel) -> Iterator[UnresolvedFrames]:
     """Yield what only a missing asset could tell of the frames that a node's targets give."""
     for target in listed_targets(node) if stage.unresolved else ():
-        yield from unresolved_frames_at(target, stage, expands=expands(target, node, stage))
+        missing, is_there = unknown_target(target, stage), stage.prim(target) is not None
+        if missing is not None:
+            yield UnresolvedFrames(target, links=is_there, asset=missing.asset)
+        elif expands(target, node, stage):  # below one that stands for its links may be more
+            for below in stage.unresolved:
+                if is_at_or_below(below.prim, target) and stage.unknown(below.prim):
+                    yield UnresolvedFrames(below.prim, links=True, asset=below.asset)
 
 
 def _bodies_above(paths: Sequence[str], node: Node, stage: StageModel) -> dict[str, str]:
@@ -364,16 +370,3 @@ def unknown_target(target: str, stage: StageModel) -> UnresolvedAsset | None:
     carries_asset = any(missing.prim == target for missing in stage.unresolved)
     is_defined = prim.type not in _SAYS_NOTHING or set(prim.apis) & {BODY_API, *FRAME_APIS}
     return asset if carries_asset and not is_defined else None
-
-
-def unresolved_frames_at(
-    target: str, stage: StageModel, *, expands: bool
-) -> Iterator[UnresolvedFrames]:
-    """Yield what is unknown of a target; below one that stands for its links there may be more."""
-    missing = unknown_target(target, stage)
-    if missing is not None:
-        yield UnresolvedFrames(target, links=stage.prim(target) is not None, asset=missing.asset)
-    elif expands:
-        for below in stage.unresolved:
-            if is_at_or_below(below.prim, target) and stage.unknown(below.prim):
-                yield UnresolvedFrames(below.prim, links=True, asset=below.asset)
