@@ -336,8 +336,6 @@ def _unpublished_frames(maker: FrameSource, view: TfView) -> list[str]:
 def unknown_frame(frame: str, maker: FrameSource, view: TfView) -> UnresolvedAsset | None:
     """Return the missing asset that could say whether a node gives a required frame."""
     home, stage = maker.prims[frame], view.subject.stage
-    if not stage.unresolved:
-        return None
     prim = stage.prim(home)
     is_link = prim is None or {BODY_API, *FRAME_APIS} & set(prim.apis)
     if not is_link and not unknown_target(home, stage):

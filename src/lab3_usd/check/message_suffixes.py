@@ -28,16 +28,8 @@ def with_named_nodes(findings: Iterable[Finding], nodes: Mapping[str, Node]) -> 
     `nodes` are those of the stage by path. Of two alike in one graph the name of the prim stands
     in brackets behind the title.
     """
-    findings = tuple(findings)
-    hinted = {_graph(each.prim) for each in findings if each.hint and each.prim in nodes}
-    if not hinted:
-        yield from findings
-        return
-    graph_of = {path: _graph(path) for path in nodes}
-    alike = Counter(
-        (graph, node_title(nodes[path])) for path, graph in graph_of.items() if graph in hinted
-    )
-    graphs = {*graph_of.values()}
+    alike = Counter((_graph(path), node_title(node)) for path, node in nodes.items())
+    graphs = {*map(_graph, nodes)}
     for finding in findings:
         node = nodes.get(finding.prim)
         if node is None or not finding.hint:

@@ -166,7 +166,7 @@ class Rule(Struct, frozen=True):
     @property
     def manual(self) -> str:
         """What its docstring says, or the words of a lab for it."""
-        return self.words or _docstring(self.check)
+        return self.words or _docstring(self.check) or ""
 
     @property
     def family(self) -> str:
@@ -187,11 +187,7 @@ class Rule(Struct, frozen=True):
         return text if ". " in text else text.removesuffix(".")
 
 
-@cache
-def _docstring(check: Callable[..., Iterator[Problem]]) -> str:
-    return inspect.getdoc(check) or ""
-
-
+_docstring = cache(inspect.getdoc)
 _RULES: dict[str, Rule] = {}
 _IDS: dict[str, str] = {}  # by the name of a rule
 _OF_LINT: set[Callable[..., Iterator[Problem]]] = set()

@@ -216,8 +216,6 @@ def with_named_faults(
 ) -> list[Requirement]:
     """Return the requirements, those that errors name as unmet."""
     unmet = unmet_by(findings)
-    if not unmet:
-        return list(requirements)
     return [
         replace(requirement, met=False, slight=False) if requirement.id in unmet else requirement
         for requirement in requirements
@@ -366,8 +364,6 @@ def with_unknown(
 
     What the stage defines below a prim that may be absent is judged as it is written.
     """
-    if not left_open:
-        return requirements
     errors = [finding for finding in left_open if finding.severity == "error"]
     unknown = unmet_by(with_costs(errors, subject.graphs, lab))
     for finding in errors:

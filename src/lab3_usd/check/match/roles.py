@@ -66,8 +66,6 @@ def best_roles(spec: GraphSpec, graph: GraphModel) -> Pairs:
     order = sorted(
         (role for role in spec.nodes if role not in pairs), key=lambda role: len(nodes[role])
     )
-    if not order:
-        return {role: pairs[role] for role in spec.nodes}
     own = {
         (role, node.path): _own_cost(spec.nodes[role], node)
         for role in order
@@ -170,8 +168,6 @@ def complete_roles(
 ) -> Roles:
     """Return the roles as assigned, and what the other nodes are; `offered` may be extra nodes."""
     role_of = {node.path: role for role, node in node_of.items() if node is not None}
-    if len(role_of) == len(graph.nodes):
-        return Roles(graph, node_of, role_of)
     unmatched = sorted(
         (node for node in graph.nodes if node.path not in role_of), key=lambda node: node.path
     )

@@ -23,10 +23,7 @@ def refused_values(
     A value that the lab asks for is reported as such, where it has another.
     """
     prim, spec = sensor.prim, sensor.spec
-    faults = faults_of(prim, subject.stage)
-    faults = tuple(fault for fault in faults if fault.severity in severities)
-    if not faults:
-        return
+    faults = [each for each in faults_of(prim, subject.stage) if each.severity in severities]
     values = values_of(prim, subject.stage)
     other = {
         name
