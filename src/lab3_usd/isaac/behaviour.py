@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
-from functools import lru_cache
 from typing import Literal
 
 from msgspec import Struct
@@ -145,11 +144,6 @@ class QuantityOf(Struct, frozen=True, forbid_unknown_fields=True):
     sizes: Mapping[str, str] = {}
 
 
-@lru_cache(maxsize=1024)
-def _is_one_of(name: str, patterns: tuple[str, ...]) -> bool:
-    return any(fnmatchcase(name, pattern) for pattern in patterns)
-
-
 class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
     """Node types (patterns) and schemas that run code from the file."""
 
@@ -158,7 +152,7 @@ class Scripts(Struct, frozen=True, forbid_unknown_fields=True):
 
     def runs(self, node_type: str) -> bool:
         """Whether a node of this type runs code that the file holds."""
-        return _is_one_of(node_type, self.types)
+        return any(fnmatchcase(node_type, pattern) for pattern in self.types)
 
     def among(self, apis: Iterable[str]) -> str | None:
         """Return the first of these schemas by which a prim runs code, None where there is none."""

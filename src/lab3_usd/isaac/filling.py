@@ -50,7 +50,12 @@ def _nodes(
         name = item.get("name", f"{number:02}" if number else "") if entry.each else ""
         own = {**values, "item": item}
         kind = _type(entry.type, platform)
-        given = _switches(kind, platform)
+        # Switches of a release that let a path win over the prim that a node names are off.
+        given: dict[str, Any] = {
+            name.removeprefix(INPUT): False
+            for name, port in platform.changes.ports.get(kind.type, {}).items()
+            if port.off_for and name in kind.ports
+        }
         given |= {port: _value(value, own) for port, value in entry.set.items()}
         aims = {port: _value(value, own) for port, value in entry.targets.items()}
         try:
@@ -86,16 +91,6 @@ def _type(name: str, platform: Platform) -> NodeType:
             "and later"
         )
     return kind
-
-
-def _switches(kind: NodeType, platform: Platform) -> dict[str, Any]:
-    """Return the switches of a release that let a path win over the prim that a node names, off."""
-    gone = platform.changes.ports.get(kind.type, {})
-    return {
-        name.removeprefix(INPUT): False
-        for name, port in gone.items()
-        if port.off_for and name in kind.ports
-    }
 
 
 def _value(value: Any, values: Mapping[str, Any]) -> Any:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from functools import cached_property
-
 from msgspec import Struct
 
 from lab3_usd.isaac.values import Value
@@ -46,7 +44,7 @@ class Evaluation(Struct, frozen=True, forbid_unknown_fields=True):
     all_nodes: tuple[str, ...]
 
 
-class GraphForm(Struct, frozen=True, dict=True):
+class GraphForm(Struct, frozen=True):
     """How Isaac Sim saves graph and node prims."""
 
     type: str
@@ -63,8 +61,4 @@ class GraphForm(Struct, frozen=True, dict=True):
 
     def value(self, name: str) -> Value | None:
         """Return the value with which an Action Graph is saved."""
-        return self._values.get(name)
-
-    @cached_property
-    def _values(self) -> dict[str, Value]:
-        return {attribute.name: attribute.value for attribute in self.attributes}
+        return next((each.value for each in self.attributes if each.name == name), None)

@@ -79,7 +79,6 @@ def origin(release: str) -> str:
     """Say which releases have another name, as the end of a sentence about it."""
     if not release:
         return "that the lab declares"
-    since = "from" if order(release) > order(BASE) else "up to"
-    return (
-        f"of Isaac Sim {since} {release} on" if since == "from" else f"of Isaac Sim up to {release}"
-    )
+    if order(release) > order(BASE):
+        return f"of Isaac Sim from {release} on"
+    return f"of Isaac Sim up to {release}"

@@ -226,8 +226,6 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
 
     def _made(self, name: str) -> Port | None:
         """Return a port that only some nodes of the type have."""
-        if not (self.grows or self.grows_by_message or self.dynamic):
-            return None
         for pattern, grown in self.grows.items():
             if _fits(name, pattern):
                 return replace(grown, name=name)
@@ -237,7 +235,7 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
 
     def is_known_port(self, name: str) -> bool:
         """Whether it is known what goes through the port with this full name."""
-        if not (self.is_open or self.is_documented):
+        if not self.may_have_more:
             return True
         port = self.listed(name)
         return port is not None and not port.is_union

@@ -76,11 +76,11 @@ def changed(node_type: NodeType, changes: TypeChanges | None) -> NodeType:
     """Return a type as another release has it."""
     if changes is None:
         return node_type
-    ports = {
-        key: _other_port(port, changes)
-        for key, port in node_type.ports.items()
-        if key not in changes.lacks
-    }
+    ports = {name: port for name, port in node_type.ports.items() if name not in changes.lacks}
+    for name in ports.keys() & changes.defaults.keys():
+        ports[name] = replace(ports[name], default=changes.defaults[name], former=None)
+    for name in ports.keys() & changes.allowed.keys():
+        ports[name] = replace(ports[name], allowed=changes.allowed[name])
     tf = node_type.tf
     if tf is not None and set(tf.arrays) & set(changes.lacks):
         tf = replace(tf, arrays=())
@@ -93,11 +93,3 @@ def changed(node_type: NodeType, changes: TypeChanges | None) -> NodeType:
         tf=tf,
         message={**message, **changes.message},
     )
-
-
-def _other_port(port: Port, changes: TypeChanges) -> Port:
-    if port.name in changes.defaults:
-        port = replace(port, default=changes.defaults[port.name], former=None)
-    if port.name in changes.allowed:
-        port = replace(port, allowed=changes.allowed[port.name])
-    return port

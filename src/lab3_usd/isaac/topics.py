@@ -33,14 +33,12 @@ def resolved_topic(name: str, namespace: str = "") -> str:
     return f"/{inside}/{trimmed}" if inside else f"/{trimmed}"
 
 
-@lru_cache(maxsize=64)
 def topic_switch(port: str) -> str:
     """Return the input that switches this topic on, by the way Isaac Sim names the two."""
     stem = port.removeprefix(INPUT).removesuffix("TopicName")
     return f"{INPUT}enable{stem[:1].upper()}{stem[1:]}"
 
 
-@lru_cache(maxsize=64)
 def product_input(port: str) -> str:
     """Return the input that takes the render product of this topic."""
     return f"{PRODUCT}{_suffix(port)}"

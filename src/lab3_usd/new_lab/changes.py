@@ -41,12 +41,12 @@ def removed_prims(
     """Return the supplied prims that a stage has no more, nor any later one, by its number."""
     required = [number for number in range(len(stages)) if number not in optional]
     removed: dict[int, tuple[str, ...]] = {}
-    gone = [path for path in _present(stages[0]) if not _is_in(stages[-1], path)]
+    gone = [path for path in _present(stages[0]) if not holds_prim(stages[-1], path)]
     for path in gone:
         if path.rpartition("/")[0] in gone:
             continue
         first = next(
-            n for n in required if not any(_is_in(stages[m], path) for m in required if m >= n)
+            n for n in required if not any(holds_prim(stages[m], path) for m in required if m >= n)
         )
         removed[first] = (*removed.get(first, ()), path)
     return removed
@@ -57,7 +57,7 @@ def added_prims(
 ) -> Iterator[str]:
     """Say of each stage but the first which prims it adds that the lab does not describe."""
     for before, stage, id_ in zip(stages, stages[1:], ids[1:], strict=False):
-        new = [path for path in _present(stage) if not _is_in(before, path)]
+        new = [path for path in _present(stage) if not holds_prim(before, path)]
         own = [path for path in new if not any(is_at_or_below(path, each) for each in described)]
         tops = [path for path in own if path.rpartition("/")[0] not in own]
         if tops:
@@ -67,10 +67,11 @@ def added_prims(
 
 
 def _present(stage: StageModel) -> list[str]:
-    return [path for path in stage.prims if _is_in(stage, path)]
+    return [path for path in stage.prims if holds_prim(stage, path)]
 
 
-def _is_in(stage: StageModel, path: str) -> bool:
+def holds_prim(stage: StageModel, path: str) -> bool:
+    """Whether a prim of a stage is there, and not switched off."""
     prim = stage.prim(path)
     return prim is not None and prim.present
 

@@ -23,6 +23,7 @@ from lab3_usd.model.prims import upwards
 from lab3_usd.model.stage import GraphModel, StageModel
 from lab3_usd.new_lab.changes import (
     added_prims,
+    holds_prim,
     optional_stages,
     removed_prims,
     steady_scene,
@@ -136,7 +137,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab) -> Description:
     graphs = parts.lab.graphs.values()
     above = {parent for graph in graphs for parent in [*upwards(graph.path)][1:]}
     made = [parent for parent in above if holds_graphs_alone(sources[0].stage, parent)]
-    starter = describe_starter(paths[0], parts.lab, made)
+    starter, no_starter = describe_starter(paths[0], parts.lab, made)
     described = {*made, *(graph.path for source in sources for graph in source.stage.graphs)}
     described |= {sensor.path for sensor in parts.lab.sensors.values()}
     props = _props(paths, parts, described)
@@ -144,7 +145,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab) -> Description:
     scene = {**parts.scene, **({"props": props.data} if props.data else {})}
     files = _files(sources[-1], replace(parts, scene=scene), steps, lab.platform)
     return Description(
-        files={**files, **({STARTER: starter.text} if starter.text else {})},
+        files={**files, **({STARTER: starter} if starter else {})},
         steps=steps,
         left_out=(
             *(line for text in parts.texts for line in text.left_out),
@@ -152,7 +153,7 @@ def describe_lab(paths: Sequence[Path], lab: Lab) -> Description:
             *props.left_out,
             *added_prims([source.stage for source in sources], parts.names.ids, described),
             *dict.fromkeys(parts.outside),
-            *filter(None, (starter.reason,)),
+            *filter(None, (no_starter,)),
         ),
     )
 
@@ -309,11 +310,7 @@ def _steps(sources: Sequence[Source], parts: _Parts) -> tuple[Step, ...]:
         parts.names,
         [[spec.name for spec in specs if spec.path in graphs] for graphs in held],
         [
-            [
-                name
-                for name, sensor in sensors
-                if (prim := source.stage.prim(sensor.path)) is not None and prim.present
-            ]
+            [name for name, sensor in sensors if holds_prim(source.stage, sensor.path)]
             for source in sources
         ],
         trees,

@@ -6,8 +6,6 @@ from collections.abc import Collection, Iterator
 from pathlib import Path
 from typing import Any
 
-from msgspec import Struct
-
 from lab3_usd.model.physics import MASS
 from lab3_usd.new_lab.robot import pose
 from lab3_usd.new_lab.yaml_text import as_typed, document
@@ -21,17 +19,11 @@ stage, quaternions as [w, x, y, z]."""
 _NOWHERE = {"translate": [0.0, 0.0, 0.0], "rotate": [0.0, 0.0, 0.0], "scale": [1.0, 1.0, 1.0]}
 
 
-class StarterText(Struct, frozen=True):
-    """The text of `starter.yaml`, '' with the reason where the scene is no plain one."""
-
-    text: str = ""
-    reason: str = ""
-
-
-def describe_starter(path: Path, lab: Lab, made: Collection[str]) -> StarterText:
+def describe_starter(path: Path, lab: Lab, made: Collection[str]) -> tuple[str, str]:
     """Describe the starter after the first stage of a lab that has been described.
 
-    The prims `made` come with the graphs.
+    It is the text of `starter.yaml`, and why there is none: the scene is no plain one. The prims
+    `made` come with the graphs.
 
     Raises:
         StageError: the stage cannot be read.
@@ -45,7 +37,7 @@ def describe_starter(path: Path, lab: Lab, made: Collection[str]) -> StarterText
     missing = next((path for path in needed if path not in paths), "")
     reason = scene.reason or (f"{missing} is not in {path.stem}" if missing else "")
     if reason:
-        return StarterText(reason=f"{STARTER}: {reason}; give the starter to every build")
+        return "", f"{STARTER}: {reason}; give the starter to every build"
     weighed = {
         robot.path_of(name) for robot in robots for name, link in robot.links.items() if link.mass
     }
@@ -56,8 +48,7 @@ def describe_starter(path: Path, lab: Lab, made: Collection[str]) -> StarterText
         for outer in above:
             inside = inside[outer].setdefault("children", {})
         inside[name] = dict(_prim(prim, lab, weighed))
-    data = {"default_prim": scene.default_prim, "prims": tree}
-    return StarterText(document(_HEAD, data))
+    return document(_HEAD, {"default_prim": scene.default_prim, "prims": tree}), ""
 
 
 def _prim(prim: PlainPrim, lab: Lab, weighed: set[str]) -> Iterator[tuple[str, Any]]:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Mapping
+from collections.abc import Iterable, Mapping
 from fnmatch import fnmatchcase
 from typing import Any
 
@@ -84,8 +84,10 @@ class PropSpec(
             raise ValueError(f"path: {self.path!r} is not the absolute path of a prim")
         if (self.count or 0) > 1 and "*" not in self.path:
             raise ValueError(f"count: {self.count} things have one path, {self.path}, without a *")
-        for name, target in _output_targets(self):
-            if "." not in target:
+        every = [self.targets, *(earlier.targets for earlier in self.until.values())]
+        outputs = [o for targets in every for o in targets.items() if o[0].startswith(_OUTPUT)]
+        for name, paths in outputs:
+            for target in (path for path in paths if "." not in path):
                 meant = f"{target.rstrip('/')}.{_OUTPUT}..."
                 raise ValueError(
                     f"targets: {name}: {target} is a prim, and an output is connected to a "
@@ -179,11 +181,3 @@ def _plain(value: Any) -> Any:
 
 def _are_properties(paths: Iterable[str]) -> bool:
     return any("." in path for path in paths)
-
-
-def _output_targets(prop: PropSpec) -> Iterator[tuple[str, str]]:
-    targets = (prop.targets, *(earlier.targets for earlier in prop.until.values()))
-    for given in targets:
-        for name, paths in given.items():
-            if name.startswith(_OUTPUT):
-                yield from ((name, path) for path in paths)

@@ -44,10 +44,10 @@ _CONTEXT = "context"
 
 def _without_context(graph: GraphSpec, places: Mapping[object, str]) -> Iterator[LabFault]:
     """Yield nodes without a context, whose domain is that of the environment, beside others."""
+    port = f"{INPUT}{_CONTEXT}"
     for node in graph.nodes.values() if places else ():
-        wired = {wire.target.port for wire in graph.wires_into(node.role)}
-        port = f"{INPUT}{_CONTEXT}"
-        if node.type.role and port in node.type.ports and port not in wired:
+        is_wired = (node.role, port) in graph.wired_inputs
+        if node.type.role and port in node.type.ports and not is_wired:
             message = "it is not connected: the domain is that of ROS_DOMAIN_ID"
             place = next(iter(places.values()))
             yield LabFault(file_of(graph), f"{node.role}: {_CONTEXT}", message, place, "warning")
@@ -76,7 +76,7 @@ def variable_faults(lab: Lab) -> Iterator[LabFault]:
         variables = [variable.name for variable in graph.variables]
         for node in graph.nodes.values():
             port = next(iter(node.type.variable), "")
-            if not port or any(wire.target.port == port for wire in graph.wires_into(node.role)):
+            if not port or (node.role, port) in graph.wired_inputs:
                 continue
             name = spec_value(node, port)
             if name not in variables:

@@ -112,7 +112,6 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
         topic = _topic(lab, graph, node, port)
         if topic:
             message = node.type.message
-            wired = {wire.target.port for wire in graph.wires_into(node.role)}
             yield GraphTopic(
                 name=topic,
                 type=message.get("") or message.get(str(spec_value(node, KIND))),
@@ -121,7 +120,9 @@ def graph_topics(lab: Lab) -> Iterator[GraphTopic]:
                 role=node.role,
                 place=f"{file_of(graph)}: {node.role}: {_short(port)}",
                 frames=tuple(
-                    "" if of_frame in wired else str(spec_value(node, of_frame) or "")
+                    ""
+                    if (node.role, of_frame) in graph.wired_inputs
+                    else str(spec_value(node, of_frame) or "")
                     for of_frame in frame_ports(node.type, port)
                 ),
             )
@@ -140,11 +141,11 @@ def _topic_ports(lab: Lab) -> Iterator[tuple[GraphSpec, NodeSpec, str]]:
     """Yield the inputs that name topics in use: the second of a pair is where it gets an image."""
     for graph in lab.graphs.values():
         for node in graph.nodes.values():
-            wired = {wire.target.port for wire in graph.wires_into(node.role)}
             for port in node.type.topics if node.type.role else ():
                 product = product_input(port)
                 is_first = port == node.type.topics[0]
-                if is_first or product not in node.type.ports or product in wired:
+                is_wired = (node.role, product) in graph.wired_inputs
+                if is_first or product not in node.type.ports or is_wired:
                     yield graph, node, port
 
 

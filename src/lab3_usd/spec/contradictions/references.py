@@ -10,7 +10,6 @@ from msgspec import to_builtins
 
 from lab3_usd.data import program
 from lab3_usd.errors import SpecError
-from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.spec.contradictions.domains import (
     domain_faults,
     team_faults,
@@ -89,11 +88,9 @@ def policy_faults(lab: Lab) -> Iterator[LabFault]:
         yield LabFault(CHECKPOINTS, "policy: tick", f"'{policy.tick}' is not a node type{hint}")
     named = {"keep_default": policy.keep_default, "stamp_reset: ports": policy.stamp_reset.ports}
     named["stamp_reset: with"] = (policy.stamp_reset.agree,)
+    inputs = {port.partition(":")[2] for kind in types.values() for port in kind.ports}
     for key, names in named.items():
         for name in names:
-            if any(f"{INPUT}{name}" in kind.ports for kind in types.values()):
-                continue
-            inputs = {port.rpartition(":")[2] for kind in types.values() for port in kind.ports}
             if name not in inputs:
                 message = f"'{name}' is not an input{likely(name, inputs)}"
                 yield LabFault(CHECKPOINTS, f"policy: {key}", message)

@@ -119,7 +119,11 @@ def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> Graph
     wires = _wires(content.wires, nodes, where, section)
     with _at(where):
         refuse_second_sources(wires)
-    _refuse_other_literals(nodes, wires, where)
+    for wire in wires:  # a literal is typed at the end of its wire
+        node = nodes[wire.source.role]
+        if node.literal and all(s.port != wire.source.port for s in node.settings):
+            wrong = f"literal: {wire.source.port} is not set here, so that nobody can type it"
+            raise SpecError(f"{where}: {node.role}: {wrong}")
     with _at(f"{where}: path"):
         path = checked_path(content.path)
     places = placed(nodes, wires)
@@ -140,17 +144,6 @@ def parse_graph(data: Mapping[str, Any], platform: Platform, file: str) -> Graph
         ),
         anywhere=content.anywhere,
     )
-
-
-def _refuse_other_literals(
-    nodes: Mapping[str, NodeSpec], wires: tuple[Wire, ...], where: str
-) -> None:
-    """Refuse a literal of a node that gives something else than what is set there."""
-    for wire in wires:
-        node = nodes[wire.source.role]
-        if node.literal and all(s.port != wire.source.port for s in node.settings):
-            wrong = f"literal: {wire.source.port} is not set here, so that nobody can type it"
-            raise SpecError(f"{where}: {node.role}: {wrong}")
 
 
 def _variable(name: str, entry: VariableEntry, graph: str, section: str) -> Variable:
