@@ -38,12 +38,6 @@ class Target(Struct, frozen=True):
     is_submission: bool = False
 
 
-def scopes_run(*, starter: object, native: bool) -> frozenset[Scope]:
-    """Return the scopes that ran besides: with a starter that is not None, with `--native`."""
-    compared: frozenset[Scope] = frozenset() if starter is None else frozenset({"starter"})
-    return compared | {"native"} if native else compared
-
-
 def without_ignored(result: StageResult, more: Collection[Scope]) -> StageResult:
     """Return the result of a stage without what its notes ignore, and with the unused notes.
 

@@ -10,6 +10,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.match.rule_inputs import LintSubject
+from lab3_usd.check.registry import Scope
 from lab3_usd.check.rule_runs import RuleResults, run_family
 from lab3_usd.config.settings import Config, matching
 from lab3_usd.data import program
@@ -21,7 +22,6 @@ from lab3_usd.pipeline.any_stage import lint_platform, lint_subject, scene_at
 from lab3_usd.pipeline.results import (
     is_stage_file,
     located_findings,
-    scopes_run,
     unreadable_result,
     with_findings,
     without_ignored,
@@ -176,7 +176,7 @@ def judge_stage(
         parameters = settings.config.parameters
         over_scene = ScriptSettings(platform, scene, settings.heeds_ignores, parameters)
         return lint_script(path, over_scene)
-    from lab3_usd.stage.read.opening import kept_open, open_stage, quiet, reading_cache
+    from lab3_usd.stage.read.opening import cached, kept_open, open_stage, quiet
 
     with kept_open():  # so that nothing is asked of the stage twice
         try:
@@ -194,15 +194,10 @@ def judge_stage(
                 else:
                     from lab3_usd.check.checker import judge
 
-                    demands = at[0].same_demands(at[1])
+                    lab, demands = at[0], at[0].same_demands(at[1])
                     # The model, which is kept as well, keeps the stage that `id` names.
-                    key, readings = ("judgement", id(stage), demands.id), reading_cache.get()
-                    if readings is None or key not in readings:
-                        judged = judge(at[0], demands, model)
-                    else:
-                        judged = readings[key]
-                    if readings is not None:
-                        readings[key] = judged
+                    key = ("judgement", id(stage), demands.id)
+                    judged = cached(key, lambda: judge(lab, demands, model))
         except StageError as error:
             return unreadable_result(str(path), None if at is None else at[1], error)
         findings = judged.findings
@@ -227,8 +222,8 @@ def judge_stage(
         if settings.native and result.verdict != "unreadable":
             result = _with_native(result, stage)
         if settings.heeds_ignores:
-            more = scopes_run(starter=settings.starter, native=settings.native)
-            result = without_ignored(result, more)
+            more: set[Scope] = {"starter"} if settings.starter is not None else set()
+            result = without_ignored(result, more | {"native"} if settings.native else more)
     return result
 
 
