@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, field
 from functools import cache
 from itertools import pairwise
 
@@ -93,25 +92,14 @@ NEAREST = 36.0  # a wire between ports nearer than this is bent as an S
 Path = tuple[Bezier, ...]
 
 
-@dataclass(slots=True)
-class Lanes:
-    """Lanes in use: height, left and right end, and the output whose wire runs there."""
-
-    used: list[tuple[float, float, float, End]] = field(default_factory=list)
-
-    def free(self, height: float, left: float, right: float, source: End) -> bool:
-        """Whether no wire of another output runs here."""
-        return not any(
-            abs(height - lane) < LANE_CLEAR and left < end and start < right
-            for lane, start, end, owner in self.used
-            if owner != source
-        )
+# Lanes in use: height, left and right end, and the output whose wire runs there.
+Lanes = list[tuple[float, float, float, End]]
 
 
 def routed(boxes: Sequence[Box], curves: Sequence[Curve]) -> tuple[Path, ...] | None:
     """Return a path for each curve that crosses no box; None where one has no such path."""
     by_key = {box.key: box for box in boxes}
-    lanes = Lanes()
+    lanes: Lanes = []
     paths = []
     for curve in curves:
         path = _route(curve, by_key, lanes)
@@ -163,8 +151,13 @@ def _route(curve: Curve, boxes: Mapping[str, Box], lanes: Lanes) -> Path | None:
             return direct
     for height in _heights(start, end, boxes):
         for path, left, right in _paths_along(start, end, height):
-            if lanes.free(height, left, right, curve.source) and not crosses(path, curve, boxes):
-                lanes.used.append((height, left, right, curve.source))
+            is_free = not any(  # of wires of other outputs
+                abs(height - lane) < LANE_CLEAR and left < lane_end and lane_start < right
+                for lane, lane_start, lane_end, owner in lanes
+                if owner != curve.source
+            )
+            if is_free and not crosses(path, curve, boxes):
+                lanes.append((height, left, right, curve.source))
                 return path
     return None
 

@@ -39,7 +39,6 @@ from lab3_usd.report.pictures.node_boxes import (
     assigned_roles,
     findings_by_site,
     node_box,
-    reference_roles,
     wire_ends,
     wires_into,
 )
@@ -139,7 +138,7 @@ STATE_OF: Mapping[Severity, State] = {"error": "wrong", "warning": "warned", "no
 
 def spec_picture(spec: GraphSpec, *, every_port: bool = False) -> Picture:
     """Return the graph that the spec requires."""
-    node_roles = reference_roles(spec)
+    node_roles = NodeRoles({role: f"{spec.path}/{role}" for role in spec.nodes})
     curves = spec_wires(spec, node_roles)
     boxes = _role_boxes(spec, node_roles, curves, SiteFindings(), every_port=every_port)
     placed = laid_out(tuple(boxes), tuple(curves))

@@ -106,11 +106,6 @@ class NodeRoles(Struct, frozen=True):
         return End(self.box_keys[port.role], port.port)
 
 
-def reference_roles(spec: GraphSpec) -> NodeRoles:
-    """Return the roles of a spec that is drawn without a stage."""
-    return NodeRoles({role: f"{spec.path}/{role}" for role in spec.nodes})
-
-
 def assigned_roles(
     spec: GraphSpec | None, roles: Roles | None, graph: GraphModel | None
 ) -> NodeRoles:
