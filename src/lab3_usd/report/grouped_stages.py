@@ -57,9 +57,10 @@ class Stage(Struct, frozen=True):
         """Return the requirements of one part, None where the checkpoint asks for none."""
         return next((part for part in self.parts if part.name == name), None)
 
-    def count(self, severity: Severity) -> int:
-        """Return how many findings of one severity the stage has."""
-        return sum(finding.severity == severity for finding in self.result.findings)
+    @property
+    def counts(self) -> dict[Severity, int]:
+        """How many findings the stage has, by severity."""
+        return severity_counts(self.result.findings)
 
 
 class Block(Struct, frozen=True):
@@ -106,16 +107,11 @@ class Block(Struct, frozen=True):
         return sum(stage.result.verdict == "pass" for stage in self.stages)
 
     @property
-    def findings(self) -> int:
-        """How many findings there are; one that is carried along counts in every stage."""
-        return sum(map(self.count, SEVERITIES))
-
-    def count(self, severity: Severity) -> int:
-        """Return how many findings of one severity there are, as the terminal counts them."""
-        own = () if self.submission is None else self.submission.findings
-        return sum(finding.severity == severity for finding in own) + sum(
-            stage.count(severity) for stage in self.stages
-        )
+    def counts(self) -> dict[Severity, int]:
+        """How many findings there are by severity; one that is carried along counts each time."""
+        findings = [finding for stage in self.stages for finding in stage.result.findings]
+        findings += () if self.submission is None else self.submission.findings
+        return severity_counts(findings)
 
     @property
     def hidden(self) -> str:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from pathlib import Path
 from typing import Any
 from unicodedata import combining, east_asian_width
@@ -140,11 +140,7 @@ MORE = "..."
 LEAD = 20  # columns kept before the caret when a long line is cut
 
 
-class Excerpt(Struct, frozen=True):
-    """Lines of a layer as they are, without line ends; `first` is the number of the first."""
-
-    first: int
-    lines: tuple[str, ...]
+Excerpt = Mapping[int, str]  # lines of a layer as they are, without line ends, by their numbers
 
 
 def read_excerpts(findings: Iterable[Finding]) -> dict[tuple[str, int], Excerpt]:
@@ -162,9 +158,9 @@ def read_excerpts(findings: Iterable[Finding]) -> dict[tuple[str, int], Excerpt]
         ends = max(lines, default=0) + 1
         if ends in numbers and lines:  # where text was cut short: behind its last line
             lines[ends] = ""
-        for number in sorted(numbers & lines.keys()):
-            shown = [near for near in _around(number) if near in lines]
-            excerpts[layer, number] = Excerpt(shown[0], tuple(lines[near] for near in shown))
+        for number in numbers & lines.keys():
+            shown = {near: lines[near] for near in _around(number) if near in lines}
+            excerpts[layer, number] = shown
     return excerpts
 
 
@@ -195,13 +191,12 @@ def excerpt_lines(excerpt: Excerpt, line: int, column: int | None, width: int) -
 
     `column` counts characters from 1; without it the line alone is marked.
     """
-    numbers = range(excerpt.first, excerpt.first + len(excerpt.lines))
-    gutter = len(str(numbers[-1]))
-    indents = [len(raw) - len(raw.lstrip(" \t")) for raw in excerpt.lines if raw.strip()]
+    gutter = len(str(max(excerpt)))
+    indents = [len(raw) - len(raw.lstrip(" \t")) for raw in excerpt.values() if raw.strip()]
     margin = min(indents, default=0)
     room = max(width - gutter - 5, LEAD + len(MORE) * 2)
     frame = []
-    for number, raw in zip(numbers, excerpt.lines, strict=True):
+    for number, raw in excerpt.items():
         mark = ">" if number == line else " "
         shown, caret = _fitted(raw[margin:], (column or 1) - 1 - margin, room)
         frame.append(f"{mark} {number:>{gutter}} | {shown}".rstrip())

@@ -22,7 +22,7 @@ from lab3_usd.facts.frames import (
 from lab3_usd.installation import command_line
 from lab3_usd.model.finding import ChecklistItem, Crash, Finding, Severity, StageResult, section_key
 from lab3_usd.model.stage import StageModel
-from lab3_usd.report.entries import coverage_line, is_repairable
+from lab3_usd.report.entries import coverage_line, is_repairable, severity_counts
 from lab3_usd.report.grouped_stages import Block, ReportedFault, Spot, Stage, Stages
 from lab3_usd.report.options import Options
 from lab3_usd.report.picture.model import Picture
@@ -183,9 +183,10 @@ class BlockView(Struct, frozen=True):
             for text in _left_out(stage)
         )
 
-    def count(self, severity: Severity) -> int:
-        """Return how many different faults of one severity there are."""
-        return sum(card.fault.finding.severity == severity for card in self.cards)
+    @property
+    def counts(self) -> dict[Severity, int]:
+        """How many different faults there are, by severity."""
+        return severity_counts(card.fault.finding for card in self.cards)
 
 
 EXCERPT_WIDTH = 96
