@@ -176,7 +176,7 @@ def judge_stage(
         parameters = settings.config.parameters
         over_scene = ScriptSettings(platform, scene, settings.heeds_ignores, parameters)
         return lint_script(path, over_scene)
-    from lab3_usd.stage.read.opening import cached, kept_open, open_stage, quiet
+    from lab3_usd.stage.read.opening import kept_open, open_stage, quiet, reading_cache
 
     with kept_open():  # so that nothing is asked of the stage twice
         try:
@@ -194,10 +194,15 @@ def judge_stage(
                 else:
                     from lab3_usd.check.checker import judge
 
-                    lab, demands = at[0], at[0].same_demands(at[1])
+                    demands = at[0].same_demands(at[1])
                     # The model, which is kept as well, keeps the stage that `id` names.
-                    key = ("judgement", id(stage), demands.id)
-                    judged = cached(key, lambda: judge(lab, demands, model))
+                    key, readings = ("judgement", id(stage), demands.id), reading_cache.get()
+                    if readings is None or key not in readings:
+                        judged = judge(at[0], demands, model)
+                    else:
+                        judged = readings[key]
+                    if readings is not None:
+                        readings[key] = judged
         except StageError as error:
             return unreadable_result(str(path), None if at is None else at[1], error)
         findings = judged.findings
