@@ -11,5 +11,5 @@ FEATURE = Feature(
             "lab3_usd.features.diff.diff",
         ),
     },
-    answers={"changes_to": "lab3_usd.features.diff.repaired"},
+    answers={"changes_to": "lab3_usd.features.diff.diff"},
 )

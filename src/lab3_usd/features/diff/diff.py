@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import sys
 from collections.abc import Iterator
-from contextlib import contextmanager
+from contextlib import ExitStack, contextmanager
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -20,7 +20,7 @@ from lab3_usd.commands.shared.options import (
     write_into,
 )
 from lab3_usd.commands.shared.paths import Input, OutputFolder
-from lab3_usd.errors import EXIT_FOUND
+from lab3_usd.errors import EXIT_FOUND, UsageError
 from lab3_usd.files import copy_beside, original_of
 
 if TYPE_CHECKING:
@@ -115,3 +115,31 @@ def _pictures(comparison: Comparison) -> Iterator[Picture]:
         if changes:
             versions = GraphVersions(graph.name, graph.path, pair.nodes, comparison.pairs.path)
             yield diff_picture(versions, changes)
+
+
+def changes_to(path: Path, content: bytes) -> Iterator[str]:
+    """Yield the differences between a stage and what it would hold: `lab3 fix --diff`.
+
+    In a folder where nothing can be written copies of both stand elsewhere.
+
+    Raises:
+        StageError: one of them cannot be opened.
+    """
+    from tempfile import TemporaryDirectory
+
+    from lab3_usd.diff import compare_stages
+    from lab3_usd.report import diff_report
+    from lab3_usd.spec.load.loader import load_lab
+    from lab3_usd.stage.edit.session import anchored
+
+    with TemporaryDirectory(prefix="lab3-diff-") as folder, ExitStack() as stack:
+        before = path
+        try:
+            after = stack.enter_context(copy_beside(path, content))
+        except UsageError:
+            before, after = (Path(folder, f"{name}{path.suffix}") for name in ("before", "after"))
+            anchored(path.read_bytes(), path, before)
+            anchored(content, path, after)
+        compared = compare_stages(before, after, load_lab()).diff
+    named = replace(compared, before=str(path), after="repaired")
+    yield from diff_report.lines(named, terminal_width())
