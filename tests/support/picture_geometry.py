@@ -5,10 +5,16 @@ from __future__ import annotations
 from collections.abc import Iterator
 from itertools import combinations, pairwise
 
-from lab3_usd.report.picture.model import HEADER, Box, Curve, Picture
-from lab3_usd.report.picture.routing import points
+from lab3_usd.report.picture.model import HEADER, Box, Curve, Picture, Point
+from lab3_usd.report.picture.routing import point_at
 
 STEPS = 60
+
+
+def along(curve: Curve) -> Iterator[Point]:
+    """Yield points along a curve, more than the layout looks at."""
+    for piece in curve.path:
+        yield from (point_at(piece, step / STEPS) for step in range(STEPS + 1))
 
 
 def overlapping(boxes: tuple[Box, ...]) -> list[tuple[str, str]]:
@@ -29,7 +35,7 @@ def crossings(boxes: tuple[Box, ...], curves: tuple[Curve, ...]) -> list[tuple[s
         (f"{curve.target.key}.{curve.target.port}", box.key)
         for curve in curves
         for box in boxes
-        if any(_is_inside(point, box, 0.5) for point in points(curve.path, STEPS))
+        if any(_is_inside(point, box, 0.5) for point in along(curve))
     ]
 
 
@@ -39,7 +45,7 @@ def through_titles(boxes: tuple[Box, ...], curves: tuple[Curve, ...]) -> list[st
         box.key
         for curve in curves
         for box in boxes
-        for x, y in points(curve.path, STEPS)
+        for x, y in along(curve)
         if box.x + 1 < x < box.x + box.w - 1 and box.y < y < box.y + HEADER
     ]
 
@@ -56,7 +62,7 @@ def outside(picture: Picture) -> Iterator[str]:
         if box.x < 0 or box.y < 0 or box.x + box.w > picture.width:
             yield box.key
     for curve in picture.curves:
-        for x, y in points(curve.path, STEPS):
+        for x, y in along(curve):
             if not (0 <= x <= picture.width and 0 <= y <= picture.height):
                 yield curve.target.port
 

@@ -6,6 +6,7 @@ editor.
 
 from __future__ import annotations
 
+import re
 import unicodedata
 from collections.abc import Mapping, Sequence
 from functools import lru_cache
@@ -183,23 +184,17 @@ def port_id(prim: str, prop: str | None = None) -> str:
     return f"port{_encoded(prim)}-p-{_encoded(prop)}"
 
 
+_CODES = {"/": "--", ":": "-c-"}
+
+
 @lru_cache(maxsize=4096)
 def _encoded(text: str) -> str:
-    return text.translate(_CODES)
+    # After a `-` comes `-`, `c-` or `x`: the code can be read back, so it is never ambiguous.
+    return re.sub(r"[^A-Za-z0-9_]", _code_of, text)
 
 
-class _Codes(dict[int, str]):
-    """What stands for each character, by its number."""
-
-    def __missing__(self, number: int) -> str:
-        char = chr(number)
-        # After a `-` comes `-`, `c-` or `x`: the code can be read back, so it is never ambiguous.
-        kept = char == "_" or (char.isascii() and char.isalnum())
-        self[number] = code = char if kept else f"-x{number:x}-"
-        return code
-
-
-_CODES = _Codes({ord("/"): "--", ord(":"): "-c-"})
+def _code_of(sign: re.Match[str]) -> str:
+    return _CODES.get(sign[0], f"-x{ord(sign[0]):x}-")
 
 
 # Widths in ems, by the letters of that width, rounded up from the widest of the usual fonts.

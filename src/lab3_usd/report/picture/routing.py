@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
-from functools import cache
 from itertools import pairwise
 
 from lab3_usd.report.picture.model import Bezier, Box, Curve, End, Point, port_point
@@ -43,11 +42,10 @@ def bent(start: Point, end: Point, reach: float) -> tuple[Bezier, ...]:
     return ((start, (start[0] + reach, start[1]), (end[0] - reach, end[1]), end),)
 
 
-def points(path: Sequence[Bezier], steps: int = STEPS) -> Iterator[Point]:
+def points(path: Sequence[Bezier]) -> Iterator[Point]:
     """Yield points along a path, ends included."""
-    weights = _all_weights(steps)
     for (x0, y0), (x1, y1), (x2, y2), (x3, y3) in path:
-        for a, b, c, d in weights:
+        for a, b, c, d in _ALONG:
             yield a * x0 + b * x1 + c * x2 + d * x3, a * y0 + b * y1 + c * y2 + d * y3
 
 
@@ -61,13 +59,11 @@ def point_at(curve: Bezier, t: float) -> Point:
     )
 
 
-@cache
-def _all_weights(steps: int) -> list[tuple[float, float, float, float]]:
-    return [_weights(step / steps) for step in range(steps + 1)]
-
-
 def _weights(t: float) -> tuple[float, float, float, float]:
     return (1 - t) ** 3, 3 * t * (1 - t) ** 2, 3 * t * t * (1 - t), t**3
+
+
+_ALONG = [_weights(step / STEPS) for step in range(STEPS + 1)]
 
 
 def on_longest(path: Sequence[Bezier], t: float) -> Point:
