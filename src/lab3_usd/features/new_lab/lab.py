@@ -11,17 +11,16 @@ from pathlib import Path
 
 import click
 
-from lab3_usd.commands.shared.options import echo
-from lab3_usd.commands.shared.paths import Input, OutputFolder, refuse_inputs
+from lab3_usd.commands.shared.options import echo, write_into
+from lab3_usd.commands.shared.paths import Input, OutputFolder
 from lab3_usd.data import data_folder, lab_folder, program
 from lab3_usd.errors import EXIT_FOUND, SpecError, UsageError
-from lab3_usd.files import make_folder, refuse_existing, write_whole
 from lab3_usd.grade.lab_schemas import FOLDER, schema_of, schema_texts, with_schema
 from lab3_usd.new_lab.checkpoints import Step
 from lab3_usd.new_lab.lab import describe_lab, refuse_existing_folder, write_folder
 from lab3_usd.pipeline.results import STAGE_ENDINGS
 from lab3_usd.pipeline.stage import check_stage
-from lab3_usd.report.entries import score_text
+from lab3_usd.report.entries import plural, score_text
 from lab3_usd.report.safe_text import printable
 from lab3_usd.sim.dry_run import dry_run
 from lab3_usd.spec.contradictions.names import LabFault
@@ -108,10 +107,8 @@ def _say_faults(lab: Lab, stages: Sequence[Path], *, build: bool = False) -> lis
         place = written_place(lab.folder, fault.place)
         echo(f"{fault.severity} {fault}" + (f", at {place}" if place else ""))
     numbers = Counter(fault.severity for fault in faults)
-    counts = (
-        f"{numbers[word]} {word}{'s' * (numbers[word] != 1)}" for word in ("error", "warning")
-    )
-    echo(f"{lab.title}: {', '.join(counts)}")
+    counts = ", ".join(plural(numbers[word], word) for word in ("error", "warning"))
+    echo(f"{lab.title}: {counts}")
     return faults
 
 
@@ -249,14 +246,9 @@ def schema(file: str | None, folder: Path | None, *, force: bool) -> None:
         click.echo(json.dumps(schema_of(Path(file).name), indent=1, ensure_ascii=False))
     if folder is not None:
         files = {folder / Path(name).name: text.encode() for name, text in schema_texts().items()}
-        refuse_inputs(path for path, text in files.items() if not _holds(path, text))
-        for path, text in files.items():
-            refuse_existing(path, force=force or _holds(path, text))
-        make_folder(folder)
-        for path, text in files.items():
-            write_whole(path, text, force=True)
-            echo(path)
-
-
-def _holds(path: Path, content: bytes) -> bool:
-    return path.is_file() and path.read_bytes() == content
+        others = {
+            path: text
+            for path, text in files.items()
+            if not (path.is_file() and path.read_bytes() == text)
+        }
+        write_into(folder, others, force=force)
