@@ -16,7 +16,7 @@ from msgspec import Struct
 from msgspec.structs import replace
 
 from lab3_usd.check.registry import Parameters, rule_names
-from lab3_usd.check.rule_runs import RuleResults, merge_results
+from lab3_usd.check.rule_runs import merge_results
 from lab3_usd.errors import StageError
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.model.build import Span
@@ -66,8 +66,7 @@ def lint_script(path: str | Path, settings: ScriptSettings) -> StageResult:
     except StageError as error:
         return unreadable_result(str(path), None, error)
     if script is None:
-        parts = BuiltParts()
-        coverage = NodeCoverage(built=parts)
+        coverage = NodeCoverage(built=BuiltParts())
         return StageResult(str(path), None, coverage=coverage, gaps=(NO_GRAPH,))
     return _judged(str(path), script, settings)
 
@@ -118,7 +117,7 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
         findings = list(
             _without_ignored(findings, [each.span for each in kept], path, script.source)
         )
-    results: RuleResults = merge_results(judged)
+    results = merge_results(judged)
     gaps = [gap for each in judged for gap in each.gaps] if not script.nodes else []
     if not script.nodes:
         gaps += [
@@ -129,36 +128,25 @@ def _judged(path: str, script: ReadScript, settings: ScriptSettings) -> StageRes
     if judged:  # where one way can be judged, something was
         first, *rest = (each.gaps for each in judged)
         gaps += [gap for gap in first if all(gap in own for own in rest)]
-    findings = list(ordered(findings))
-    crashes = tuple(dict.fromkeys(results.crashes))
-    gaps = list(dict.fromkeys(gaps))
     return StageResult(
         path=path,
         checkpoint=None,
-        findings=tuple(findings),
-        crashes=crashes,
+        findings=ordered(findings),
+        crashes=tuple(dict.fromkeys(results.crashes)),
         not_judged=tuple(dict.fromkeys(results.not_judged)),
         coverage=_coverage(script, [each.coverage for each in judged if each.coverage is not None]),
-        gaps=tuple(gaps),
+        gaps=tuple(dict.fromkeys(gaps)),
     )
 
 
 def _coverage(script: ReadScript, parts: Sequence[NodeCoverage]) -> NodeCoverage:
     """Return how much of the script was read and judged, all ways together."""
-
-    def most(counts: Iterable[dict[str, int]]) -> dict[str, int]:
-        node_counts: Counter[str] = Counter()
-        for each in counts:
-            node_counts |= Counter(each)
-        return dict(node_counts)
-
-    return NodeCoverage(
-        nodes=script.nodes,
-        waiting={},
-        unknown=most(part.unknown for part in parts),
-        partly=most(part.partly for part in parts),
-        built=BuiltParts(script.graphs, script.wires, script.values, script.unknown),
-    )
+    unknown, partly = Counter[str](), Counter[str]()
+    for part in parts:
+        unknown |= Counter(part.unknown)
+        partly |= Counter(part.partly)
+    built = BuiltParts(script.graphs, script.wires, script.values, script.unknown)
+    return NodeCoverage(nodes=script.nodes, unknown=dict(unknown), partly=dict(partly), built=built)
 
 
 def _span(finding: Finding, stage: BuiltStage) -> Span | None:
