@@ -8,7 +8,7 @@ import re
 from pathlib import Path
 
 import pytest
-from foreign_robots import BARE, ROVER, add_lidar, add_link, add_rover, new_stage, rover_at
+from foreign_robots import BARE, ROVER, add_lidar, add_link, add_rover, new_stage, rover, rover_at
 from in_process import invoke, lab3
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 
@@ -394,6 +394,24 @@ def test_words_in_the_wrong_place_are_put_right(
     monkeypatch.chdir(rover_at(tmp_path).parent)
     with pytest.raises(UsageError, match=re.escape(words)):
         invoke(*command.split())
+
+
+@pytest.mark.parametrize(
+    ("node", "target", "words"),
+    [
+        ("none", "/eye", "--node /World/Odometry/none: there is no such node"),
+        ("tick", "/eye", "--node /World/Odometry/tick: makes no frames of prims"),
+        ("tree", "/nose", "--targets /World/Rover/chassis/nose: there is no such prim"),
+        ("tree", "", "chassis would be its own parent"),
+    ],
+)
+def test_a_node_that_cannot_send_a_frame_is_refused(
+    node: str, target: str, words: str, tmp_path: Path
+) -> None:
+    path = tmp_path / "foreign.usda"
+    rover().GetRootLayer().Export(str(path))
+    targets = (f"/World/Rover/chassis{target}",)
+    assert words in refusal(path, "tf", node=f"/World/Odometry/{node}", targets=targets)
 
 
 def test_a_layer_holds_the_graphs_alone_and_grows(tmp_path: Path) -> None:
