@@ -10,6 +10,7 @@ import pytest
 from breaking import the_lab
 from hypothesis import HealthCheck, given, settings
 from hypothesis import strategies as st
+from models import valued, wired
 from msgspec.structs import replace
 from plain_graphs import (
     doubled,
@@ -20,8 +21,6 @@ from plain_graphs import (
     numbered,
     renamed,
     shuffled,
-    valued,
-    wired,
     with_graphs,
     with_nodes,
 )

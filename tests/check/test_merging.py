@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import pytest
 from breaking import the_lab
+from models import valued
 from msgspec.structs import replace
 from plain_graphs import (
     correct_model,
@@ -11,7 +12,6 @@ from plain_graphs import (
     judged_model,
     node_of,
     renamed,
-    valued,
     with_nodes,
     without_nodes,
 )

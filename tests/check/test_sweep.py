@@ -14,14 +14,13 @@ import pytest
 from benchmark import load_benchmark
 from breaking import the_lab
 from failing_students import unexplained
+from models import valued, wired
 from msgspec.structs import replace
 from plain_graphs import (
     errors_of,
     graph_of,
     node_of,
     numbered,
-    valued,
-    wired,
     with_graphs,
     with_nodes,
 )

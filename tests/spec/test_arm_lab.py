@@ -78,13 +78,16 @@ def test_only_what_an_arm_has_is_written(described: tuple[list[Path], Path]) -> 
     assert [word for word in FOREIGN if word.lower() in text.lower()] == []
 
 
-def test_each_joint_is_described_with_its_limits_and_its_drive(lab: Lab) -> None:
+def test_each_joint_is_described_with_its_limits_and_its_drive(
+    lab: Lab, subtests: pytest.Subtests
+) -> None:
     joints = lab.scene.robot.joints
     assert list(joints) == list(JOINTS)
     for number, (name, found) in enumerate(joints.items(), start=1):
-        assert found.links == (f"link{number - 1}", f"link{number}"), name
-        assert (found.type, found.axis, found.limits) == ("PhysicsRevoluteJoint", "Z", LIMITS)
-        assert found.drive == {"stiffness": 3200.0, "damping": 1000.0}
+        with subtests.test(joint=name):
+            assert found.links == (f"link{number - 1}", f"link{number}"), name
+            assert (found.type, found.axis, found.limits) == ("PhysicsRevoluteJoint", "Z", LIMITS)
+            assert found.drive == {"stiffness": 3200.0, "damping": 1000.0}
 
 
 def test_every_link_below_the_articulation_root_is_a_frame(lab: Lab) -> None:
@@ -260,7 +263,11 @@ AT_ONCE = ([name for name in MISTAKES if name not in APART], APART)
 
 @pytest.mark.parametrize("names", AT_ONCE, ids=["most", "apart"])
 def test_each_mistake_is_found_once_in_the_words_of_the_course(
-    names: Sequence[str], described: tuple[list[Path], Path], lab: Lab, tmp_path: Path
+    names: Sequence[str],
+    described: tuple[list[Path], Path],
+    lab: Lab,
+    tmp_path: Path,
+    subtests: pytest.Subtests,
 ) -> None:
     solution = described[0][-1]
     wrong = tmp_path / solution.name
@@ -274,11 +281,14 @@ def test_each_mistake_is_found_once_in_the_words_of_the_course(
     said = [(finding.rule, text_of(finding)) for finding in errors]
     assert len(said) == len(names), said
     for name in names:
-        _, rule, words = MISTAKES[name]
-        told = [
-            text for found, text in said if found == rule and all(word in text for word in words)
-        ]
-        assert len(told) == 1, (name, said)
+        with subtests.test(name=name):
+            _, rule, words = MISTAKES[name]
+            told = [
+                text
+                for found, text in said
+                if found == rule and all(word in text for word in words)
+            ]
+            assert len(told) == 1, (name, said)
     everything = " ".join(text for _, text in said).lower()
     assert [word for word in FOREIGN if word.lower() in everything] == []
     assert result.score.earned < result.score.possible

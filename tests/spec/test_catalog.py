@@ -148,54 +148,67 @@ def test_ports_are_all_there_in_order(known: Facts, catalog: Platform) -> None:
     }
 
 
-def test_every_port_is_as_known(known: Facts, catalog: Platform) -> None:
+def test_every_port_is_as_known(known: Facts, catalog: Platform, subtests: pytest.Subtests) -> None:
     for name, fact in known.items():
-        ports = {port: actual_port(p) for port, p in catalog.types[name].ports.items()}
-        assert ports == {
-            port: expected_port(port, port_fact) for port, port_fact in port_facts(fact).items()
-        }, name
+        with subtests.test(name=name):
+            ports = {port: actual_port(p) for port, p in catalog.types[name].ports.items()}
+            assert ports == {
+                port: expected_port(port, port_fact) for port, port_fact in port_facts(fact).items()
+            }, name
 
 
-def test_role_and_topic_ports(known: Facts, facts: Facts, catalog: Platform) -> None:
+def test_roles_and_topic_ports_are_those_of_the_source(
+    known: Facts, facts: Facts, catalog: Platform, subtests: pytest.Subtests
+) -> None:
     silent = {"role": "", "topic_inputs": {}, "service_inputs": {}, "frame_inputs": {}}
     for name in known:
-        node_type = catalog.types[name]
-        topics = facts["topic_nodes"].get(name, silent)
-        assert node_type.role == ("service" if name == ANSWERS else topics["role"]), name
-        for ports, key in (
-            (node_type.topics, "topic_inputs"),
-            (node_type.services, "service_inputs"),
-            (node_type.frames, "frame_inputs"),
-        ):
-            assert {port: default_of(node_type, port) for port in ports} == topics[key], name
+        with subtests.test(name=name):
+            node_type = catalog.types[name]
+            topics = facts["topic_nodes"].get(name, silent)
+            assert node_type.role == ("service" if name == ANSWERS else topics["role"]), name
+            for ports, key in (
+                (node_type.topics, "topic_inputs"),
+                (node_type.services, "service_inputs"),
+                (node_type.frames, "frame_inputs"),
+            ):
+                assert {port: default_of(node_type, port) for port in ports} == topics[key], name
 
 
-def test_message_types(known: Facts, facts: Facts, catalog: Platform) -> None:
+def test_message_types_are_those_of_the_source(
+    known: Facts, facts: Facts, catalog: Platform, subtests: pytest.Subtests
+) -> None:
     for name in known:
-        topics = facts["topic_nodes"].get(name, {"message": None})
-        single = {} if topics["message"] is None else {"": topics["message"]}
-        asked = {**topics.get("message_by_type", single), **NOT_OFFERED.get(name, {})}
-        if name == OF_ONE_TYPE:
-            asked = dict.fromkeys([""], *asked.values())
-        assert catalog.types[name].message == asked, name
+        with subtests.test(name=name):
+            topics = facts["topic_nodes"].get(name, {"message": None})
+            single = {} if topics["message"] is None else {"": topics["message"]}
+            asked = {**topics.get("message_by_type", single), **NOT_OFFERED.get(name, {})}
+            if name == OF_ONE_TYPE:
+                asked = dict.fromkeys([""], *asked.values())
+            assert catalog.types[name].message == asked, name
 
 
-def test_names_before_4_5_lead_to_the_type(known: Facts, catalog: Platform) -> None:
+def test_names_before_4_5_lead_to_the_type(
+    known: Facts, catalog: Platform, subtests: pytest.Subtests
+) -> None:
     for name, fact in known.items():
-        for alias in fact["aliases"]:
-            assert catalog.names.modern(alias) == name
-            assert catalog.get(alias) is catalog.types[name]
-        assert catalog.names.modern(name) == name
+        with subtests.test(name=name):
+            for alias in fact["aliases"]:
+                assert catalog.names.modern(alias) == name
+                assert catalog.get(alias) is catalog.types[name]
+            assert catalog.names.modern(name) == name
 
 
-def test_quaternion_defaults_stand_in_the_order_x_y_z_w(known: Facts, catalog: Platform) -> None:
+def test_quaternion_defaults_stand_in_the_order_x_y_z_w(
+    known: Facts, catalog: Platform, subtests: pytest.Subtests
+) -> None:
     seen = 0
     for name, fact in known.items():
-        for port_name, port in port_facts(fact).items():
-            if "usda_default" in port:
-                w, x, y, z = port["usda_default"]
-                assert default_of(catalog.types[name], port_name) == (x, y, z, w)
-                seen += 1
+        with subtests.test(name=name):
+            for port_name, port in port_facts(fact).items():
+                if "usda_default" in port:
+                    w, x, y, z = port["usda_default"]
+                    assert default_of(catalog.types[name], port_name) == (x, y, z, w)
+                    seen += 1
     assert seen == 4
 
 
@@ -227,16 +240,19 @@ def test_frames_computed_by_one_type_leave_it_as_parents_and_children(catalog: P
     assert tf.gives == ("outputs:parentFrames", "outputs:childFrames")
 
 
-def test_old_prefixes(facts: Facts, catalog: Platform) -> None:
+def test_old_prefixes_are_known(facts: Facts, catalog: Platform) -> None:
     old = {fact["old"]: fact["new"] for fact in facts["type_prefix_aliases"]}
     assert old.items() <= catalog.names.prefixes.items()
 
 
-def test_old_names_that_do_not_follow_their_prefix(facts: Facts, catalog: Platform) -> None:
+def test_old_names_that_do_not_follow_their_prefix_are_known(
+    facts: Facts, catalog: Platform, subtests: pytest.Subtests
+) -> None:
     old = {fact["old"]: fact["new"] for fact in facts["type_alias_exceptions"]}
     assert old.items() <= catalog.names.renamed.items()
     for old, new in catalog.names.renamed.items():
-        assert catalog.names.modern(old) == new
+        with subtests.test(old=old):
+            assert catalog.names.modern(old) == new
 
 
 def test_lookalikes_are_known_and_mean_a_type_of_the_lab(facts: Facts, catalog: Platform) -> None:
@@ -248,32 +264,38 @@ def test_lookalikes_are_known_and_mean_a_type_of_the_lab(facts: Facts, catalog: 
 
 
 def test_the_deprecated_array_maker_means_the_one_the_handout_wants(
-    known: Facts, catalog: Platform
+    known: Facts, catalog: Platform, subtests: pytest.Subtests
 ) -> None:
     for name, fact in known.items():
-        for lookalike in fact.get("deprecated_lookalikes", ()):
-            assert catalog.deprecated[lookalike] == name
+        with subtests.test(name=name):
+            for lookalike in fact.get("deprecated_lookalikes", ()):
+                assert catalog.deprecated[lookalike] == name
 
 
-def test_types_that_start_an_execution(facts: Facts, catalog: Platform, shared: Path) -> None:
+def test_types_that_start_an_execution_are_those_of_the_source(
+    facts: Facts, catalog: Platform, shared: Path
+) -> None:
     kit = facts["kit_execution_sources_not_in_isaac_repo"]
     library = json.loads((shared / "isaac" / "kit-nodes.json").read_text())["types"]
     documented = {name for name, fact in library.items() if fact["event_source"]}
     assert set(catalog.events) == {*facts["execution_sources"], *kit, *documented}
 
 
-def test_ports_that_an_array_grows(known: Facts, catalog: Platform) -> None:
+def test_the_ports_that_an_array_grows_are_those_of_the_source(
+    known: Facts, catalog: Platform, subtests: pytest.Subtests
+) -> None:
     for name, fact in known.items():
-        dynamic = catalog.types[name].dynamic
-        if "dynamic_inputs" not in fact:
-            assert dynamic is None
-            continue
-        assert dynamic is not None
-        marks = fact["dynamic_inputs"]["custom_data_on_gui_created"]
-        assert set(marks.values()) == {dynamic.metadata}
-        grown = catalog.types[name].port("inputs:input12")
-        assert grown is not None
-        assert grown.usd_type == fact["dynamic_inputs"]["usd_type"]
+        with subtests.test(name=name):
+            dynamic = catalog.types[name].dynamic
+            if "dynamic_inputs" not in fact:
+                assert dynamic is None
+                continue
+            assert dynamic is not None
+            marks = fact["dynamic_inputs"]["custom_data_on_gui_created"]
+            assert set(marks.values()) == {dynamic.metadata}
+            grown = catalog.types[name].port("inputs:input12")
+            assert grown is not None
+            assert grown.usd_type == fact["dynamic_inputs"]["usd_type"]
 
 
 @pytest.mark.parametrize("wrong", ["inputs:input", "inputs:inputX", "inputs:other1", "input1"])

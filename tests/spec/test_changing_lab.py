@@ -84,16 +84,17 @@ def test_a_stage_after_an_optional_one_has_what_the_last_required_one_had(lab: L
 
 
 def test_another_value_than_that_of_the_checkpoint_is_an_error(
-    lab: Lab, built: Path, tmp_path: Path
+    lab: Lab, built: Path, tmp_path: Path, subtests: pytest.Subtests
 ) -> None:
     for number, name, wrong in (("3", FILES[2], FAST), ("5", FILES[5], SLOW)):
-        stage = Usd.Stage.Open(str(built / name))
-        stage.GetPropertyAtPath(SPEED).Set(wrong)
-        stage.Export(str(tmp_path / name))
-        found = check_stage(tmp_path / name, number, lab).findings
-        assert [(f.rule, f.prim) for f in found if f.severity == "error"] == [
-            ("P01", SPEED.partition(".")[0])
-        ]
+        with subtests.test(number=number):
+            stage = Usd.Stage.Open(str(built / name))
+            stage.GetPropertyAtPath(SPEED).Set(wrong)
+            stage.Export(str(tmp_path / name))
+            found = check_stage(tmp_path / name, number, lab).findings
+            assert [(f.rule, f.prim) for f in found if f.severity == "error"] == [
+                ("P01", SPEED.partition(".")[0])
+            ]
 
 
 def test_a_dry_run_expects_the_speed_of_the_checkpoint(lab: Lab) -> None:

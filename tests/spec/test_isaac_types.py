@@ -91,15 +91,18 @@ def test_what_is_said_of_bodies_units_targets_and_gates_names_ports_that_are_the
             assert f"inputs:{port}" in types[name].ports
 
 
-def test_every_default_is_that_of_the_source(facts: dict[str, Any], shared: Path) -> None:
+def test_every_default_is_that_of_the_source(
+    facts: dict[str, Any], shared: Path, subtests: pytest.Subtests
+) -> None:
     closer = json.loads((shared / "isaac" / "nodes-6.0.1.json").read_text())  # test_catalog.py
     for name, fact in facts.items():
-        if name in closer["nodes"] or name in closer["other_ros2_nodes"]:
-            continue
-        for short, port in fact["inputs"].items():
-            default = TYPES.types[name].ports[f"inputs:{short}"].default
-            if port["type"] != "target" and "default" in port:
-                assert json.loads(json.dumps(default)) == port["default"], f"{name} {short}"
+        with subtests.test(name=name):
+            if name in closer["nodes"] or name in closer["other_ros2_nodes"]:
+                continue
+            for short, port in fact["inputs"].items():
+                default = TYPES.types[name].ports[f"inputs:{short}"].default
+                if port["type"] != "target" and "default" in port:
+                    assert json.loads(json.dumps(default)) == port["default"], f"{name} {short}"
 
 
 def test_the_types_of_the_lab_win() -> None:
@@ -156,27 +159,31 @@ def test_a_type_tells_its_versions() -> None:
     assert TYPES.versions("isaacsim.ros2.bridge.ROS2CameraHelper").items() >= versions.items()
 
 
-def test_later_releases_have_what_their_pages_tell(shared: Path) -> None:
+def test_later_releases_have_what_their_pages_tell(shared: Path, subtests: pytest.Subtests) -> None:
     pages = json.loads((shared / "isaac" / "nodes-6.1-6.2.json").read_text())
     for release in ("6.1", "6.2"):
-        types = TYPES.in_release(release).types
-        for name, fact in pages[release]["added"].items():
-            assert ports_of(types[name].ports) == ports_of_page(fact)
-            assert types[name].version == fact["version"]
-        for name, fact in pages[release]["changed"].items():
-            ports = {
-                side: {short: change["then"] for short, change in fact.get(side, {}).items()}
-                for side in ("inputs", "outputs")
-            }
-            assert ports_of_page(ports).items() <= ports_of(types[name].ports).items()
-            assert types[name].version == fact.get("version", (None, types[name].version))[1]
+        with subtests.test(release=release):
+            types = TYPES.in_release(release).types
+            for name, fact in pages[release]["added"].items():
+                assert ports_of(types[name].ports) == ports_of_page(fact)
+                assert types[name].version == fact["version"]
+            for name, fact in pages[release]["changed"].items():
+                ports = {
+                    side: {short: change["then"] for short, change in fact.get(side, {}).items()}
+                    for side in ("inputs", "outputs")
+                }
+                assert ports_of_page(ports).items() <= ports_of(types[name].ports).items()
+                assert types[name].version == fact.get("version", (None, types[name].version))[1]
 
 
-def test_the_types_of_physics_graphs_are_known_in_all_releases(shared: Path) -> None:
+def test_the_types_of_physics_graphs_are_known_in_all_releases(
+    shared: Path, subtests: pytest.Subtests
+) -> None:
     pages = json.loads((shared / "isaac" / "nodes-6.1-6.2.json").read_text())
     for name, fact in pages["physx_graph_types_of_6.0.1"].items():
-        assert ports_of(TYPES.types[name].ports) == ports_of_page(fact)
-        assert TYPES.releases_of(name) == TYPES.known_releases
+        with subtests.test(name=name):
+            assert ports_of(TYPES.types[name].ports) == ports_of_page(fact)
+            assert TYPES.releases_of(name) == TYPES.known_releases
 
 
 def ports_of(ports: Mapping[str, Port]) -> dict[str, str]:

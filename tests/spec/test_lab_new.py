@@ -134,15 +134,16 @@ def test_the_robot_is_measured(pair: tuple[Lab, Lab]) -> None:
 
 @pytest.mark.parametrize("name", ["lidar", "camera"])
 def test_sensors_are_described_with_what_is_required_of_them(
-    name: str, pair: tuple[Lab, Lab]
+    name: str, pair: tuple[Lab, Lab], subtests: pytest.Subtests
 ) -> None:
     new, old = (lab.sensors[name] for lab in pair)
     assert (new.kind, new.path, new.type) == (old.kind, old.path, old.type)
     assert new.pose.translate == old.pose.translate
     assert new.pose.rotate == old.pose.rotate
     for attribute, said in old.attributes.items():
-        found = new.attributes[attribute]
-        assert (found.value, found.required) == (said.value, said.required)
+        with subtests.test(attribute=attribute):
+            found = new.attributes[attribute]
+            assert (found.value, found.required) == (said.value, said.required)
 
 
 def test_a_student_s_mistake_is_found_by_the_described_lab(

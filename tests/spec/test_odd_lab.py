@@ -120,7 +120,7 @@ COMMANDS = [  # with the exit code
 
 
 def test_every_command_takes_it_and_names_nothing_of_another_lab(
-    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+    built: Path, tmp_path: Path, monkeypatch: pytest.MonkeyPatch, subtests: pytest.Subtests
 ) -> None:
     for path in built.iterdir():
         shutil.copyfile(path, tmp_path / path.name)
@@ -128,21 +128,27 @@ def test_every_command_takes_it_and_names_nothing_of_another_lab(
     monkeypatch.chdir(tmp_path)
     assert run("starter", "-o", "yard.usda").exit_code == 0
     for arguments, code in COMMANDS:
-        done = in_process.lab3("--lab", LAB, *arguments)
-        text = done.stdout + done.stderr
-        assert (arguments, done.returncode) == (arguments, code), text
-        said = re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL)
-        assert (arguments, FOREIGN.findall(said)) == (arguments, [])
+        with subtests.test(command=arguments[0]):
+            done = in_process.lab3("--lab", LAB, *arguments)
+            text = done.stdout + done.stderr
+            assert (arguments, done.returncode) == (arguments, code), text
+            said = re.sub(r"<style>.*?</style>", "", text, flags=re.DOTALL)
+            assert (arguments, FOREIGN.findall(said)) == (arguments, [])
     assert "final, pass" in run("--lab", "described", "check", "--checkpoint", "final", LAST).output
 
 
-def test_what_a_lab_lacks_is_said_in_one_line(built: Path, tmp_path: Path) -> None:
+def test_what_a_lab_lacks_is_said_in_one_line(
+    built: Path, tmp_path: Path, subtests: pytest.Subtests
+) -> None:
     shutil.copytree(LAB, tmp_path / "lab")
     (tmp_path / "lab" / "starter.yaml").unlink()
     (tmp_path / "lab" / "rubric.yaml").unlink()
     for arguments in (["build", "-o", tmp_path / "out"], ["starter", "-o", tmp_path / "a.usda"]):
-        with pytest.raises(
-            Lab3Error, match=r"has no starter\.yaml: pass your own starter scene to lab3 build"
+        with (
+            subtests.test(command=arguments[0]),
+            pytest.raises(
+                Lab3Error, match=r"has no starter\.yaml: pass your own starter scene to lab3 build"
+            ),
         ):
             run("--lab", tmp_path / "lab", *arguments)
     arguments = ["grade", built, "--starter", built / "empty yard.s.usda", "-o", tmp_path / "book"]

@@ -44,7 +44,9 @@ def renamed(folder: Path, key: str, names: dict[str, str]) -> Path:
 
 
 @pytest.mark.parametrize("lab", RENAMED)
-def test_one_file_renames_checkpoints_for_every_command(lab: str, tmp_path: Path) -> None:
+def test_one_file_renames_checkpoints_for_every_command(
+    lab: str, tmp_path: Path, subtests: pytest.Subtests
+) -> None:
     folder = copied(lab, tmp_path / "lab")
     for key, names in RENAMED[lab].items():
         renamed(folder, key, names)
@@ -54,9 +56,10 @@ def test_one_file_renames_checkpoints_for_every_command(lab: str, tmp_path: Path
     built = invoke("--lab", folder, "build", "--out", ann)
     assert built.exit_code == 0, built.output
     for names in RENAMED[lab].values():
-        stage = next(path for path in ann.iterdir() if names["name"] in path.stem)
-        shown = invoke("--lab", folder, "check", "--quiet", stage).output
-        assert f"{stage}: checkpoint {names['id']}, pass, " in shown
+        with subtests.test(checkpoint=names["id"]):
+            stage = next(path for path in ann.iterdir() if names["name"] in path.stem)
+            shown = invoke("--lab", folder, "check", "--quiet", stage).output
+            assert f"{stage}: checkpoint {names['id']}, pass, " in shown
     starter = next(ann / f"{name}.usda" for name in load_lab(folder).files.values())
     with workers_here():
         graded = invoke(

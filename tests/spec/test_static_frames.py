@@ -78,10 +78,12 @@ def test_the_lab_does_not_contradict_itself(folder: Path) -> None:
     assert invoke("lab", "check", folder).output == "Warehouse fleet: 0 errors, 0 warnings\n"
 
 
-def test_check_and_lint_find_no_fault(folder: Path, stage: Path) -> None:
-    for result in (check_stage(stage, lab=load_lab(folder)), lint_stage(stage)):
-        found = {f.rule for f in result.findings if f.severity != "note"}
-        assert found - {*load_lab(folder).policy.accepts} == set()
+def test_check_and_lint_find_no_fault(folder: Path, stage: Path, subtests: pytest.Subtests) -> None:
+    results = {"check": check_stage(stage, lab=load_lab(folder)), "lint": lint_stage(stage)}
+    for command, result in results.items():
+        with subtests.test(command=command):
+            found = {f.rule for f in result.findings if f.severity != "note"}
+            assert found - {*load_lab(folder).policy.accepts} == set()
 
 
 def test_topics_have_both_publishers(folder: Path, stage: Path) -> None:

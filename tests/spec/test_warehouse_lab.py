@@ -359,16 +359,17 @@ def played(path: Path, *words: object) -> dict[tuple[str, str], dict[str, Any]]:
 
 
 def test_each_robot_is_driven_by_its_own_commands_and_drawn_on_the_page(
-    built: Path, tmp_path: Path
+    built: Path, tmp_path: Path, subtests: pytest.Subtests
 ) -> None:
     page = tmp_path / "page.html"
     checks = played(built / file_of(5), *BRIEF, "--page", page)
     assert {check["verdict"] for check in checks.values()} == {"ok"}
     text = page.read_text(encoding="utf-8")
     for robot in ("r1", "r2"):
-        assert {name for of, name in checks if of == robot} >= {"follows", "odometry"}
-        assert f"The test drive of {robot}" in text
-        assert f"Motion and commands of {robot} over time" in text
+        with subtests.test(robot=robot):
+            assert {name for of, name in checks if of == robot} >= {"follows", "odometry"}
+            assert f"The test drive of {robot}" in text
+            assert f"Motion and commands of {robot} over time" in text
     assert ("r2", "scan") in checks
     assert ("r1", "scan") not in checks
     assert ("", "tree") in checks
@@ -405,7 +406,7 @@ WIDE = put(f"{R2}/DriveR2/controller.inputs:wheelDistance", 0.6)  # r2 turns mor
 
 
 def test_a_recording_of_both_robots_is_judged_by_the_commands_of_each(
-    built: Path, tmp_path: Path
+    built: Path, tmp_path: Path, subtests: pytest.Subtests
 ) -> None:
     """One turns too much; that both may be right is seen in `test_static_frames.py`."""
     pytest.importorskip("rosbags", reason="the extra lab3-usd[sim] is not installed")
@@ -415,8 +416,9 @@ def test_a_recording_of_both_robots_is_judged_by_the_commands_of_each(
     checks = {(check["of"], check["name"]): check["verdict"] for check in shown["checks"]}
     assert {key for key, verdict in checks.items() if verdict != "ok"} == {("r2", "follows")}
     for robot in ("r1", "r2"):
-        moved = {name for of, name in checks if of == robot}
-        assert moved >= {"rest", "follows", "odometry", "moving frames", "way"}
+        with subtests.test(robot=robot):
+            moved = {name for of, name in checks if of == robot}
+            assert moved >= {"rest", "follows", "odometry", "moving frames", "way"}
     assert ("r2", "scan") in checks
     assert {"messages", "topics", "tree", "headers"} <= {name for of, name in checks if not of}
 

@@ -11,7 +11,7 @@ from typing import Any
 
 import forking
 import pytest
-from other_labs import LAB, LAST, in_force
+from other_labs import LAB, LAST, files_below, in_force
 from pxr import Sdf, Tf, Usd, UsdUtils
 from scene_stages import deactivate, define, remove, several
 from starters import (
@@ -25,7 +25,6 @@ from starters import (
     binary_starter,
     changed,
     extra_prims,
-    files_below,
     layered_starter,
     offline_room,
     reordered,

@@ -87,16 +87,6 @@ def node_of(graph: GraphModel, name: str) -> Node:
     return next(node for node in graph.nodes if node.name == name)
 
 
-def wired(node: Node, port: str, *sources: str) -> Node:
-    state = replace(node.ports[port], sources=sources)
-    return replace(node, ports={**node.ports, port: state})
-
-
-def valued(node: Node, port: str, value: str | float) -> Node:
-    state = replace(node.ports[port], value=value)
-    return replace(node, ports={**node.ports, port: state})
-
-
 def numbered(graph: GraphModel, seed: int) -> tuple[GraphModel, dict[str, str]]:
     """The graph with names that say nothing, and the names by what they were."""
     numbers = list(range(len(graph.nodes)))

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import hashlib
 from collections.abc import Callable, Iterable
 from functools import cache
 from pathlib import Path
@@ -130,12 +129,3 @@ def extra_prims(stage: Usd.Stage) -> None:
 def offline_room(stage: Usd.Stage) -> None:
     """Refer to a room that nobody can reach from here."""
     stage.DefinePrim("/World/Room", "Xform").GetReferences().AddReference(OFFLINE)
-
-
-def files_below(folder: Path) -> dict[str, str]:
-    """Every file below a folder with a hash of what it holds."""
-    return {
-        str(path.relative_to(folder)): hashlib.sha256(path.read_bytes()).hexdigest()
-        for path in sorted(folder.rglob("*"))
-        if path.is_file()
-    }
