@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator
 from itertools import combinations
 
@@ -18,21 +19,24 @@ from lab3_usd.facts.endpoints import (
     qos_of,
     ros_name,
     running_endpoints,
+    used_topics,
 )
-from lab3_usd.facts.execution_order import nodes_with
+from lab3_usd.facts.execution_order import is_switched_on, nodes_with
 from lab3_usd.facts.frame_targets import NAME_OVERRIDE, frame_of_prim
 from lab3_usd.facts.frames import all_edges
 from lab3_usd.facts.joined_bodies import joined_bodies
 from lab3_usd.facts.likely_names import did_you_mean, likely_name
 from lab3_usd.facts.reaching_values import effective_value
 from lab3_usd.facts.wires import connections
-from lab3_usd.facts.written_names import refused_namespaces, written_frames, written_topics
 from lab3_usd.isaac.messages import NAMED, why_no_message, why_no_service
 from lab3_usd.isaac.node_types import KIND, NodeType
 from lab3_usd.model.changes import ClearValue, Edit, SetValue
 from lab3_usd.model.finding import Problem, display
 from lab3_usd.model.qos import Qos, refusal, unmatched
 from lab3_usd.model.stage import Node, StageModel
+
+# A name from which no more is stripped than what everybody writes: a slash before.
+_WHOLE = r"^/?([A-Za-z0-9].*[A-Za-z0-9]|[A-Za-z0-9])$"
 
 
 @rule("K42", "invalid-qos", formerly="refused-profile")
@@ -208,32 +212,35 @@ def topic_name(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:topicName = "camera-1/rgb image"`.
     """
-    for name in written_topics(subject.stage):
-        if name.resolved is None:
+    refused: set[str] = set()
+    for node, kind in nodes_with(lambda kind: kind if kind.role else None, subject.stage):
+        for port in (*used_topics(node, kind, subject.live), *kind.services):
+            written = effective_value(node, port, subject.live)
+            if not isinstance(written, str):
+                continue
+            topic = ros_name("", written)
+            if topic is None:
+                fault = f"{display(written)}, which ROS 2 rejects"
+                text = f"{port} is {fault if written else 'empty: there is no topic'}"
+                yield Problem(node.path, text, property=port, actual=written)
+            elif re.match(_WHOLE, written) is None:
+                yield Problem(
+                    node.path,
+                    f"{port} is {display(written)}, but the topic becomes {topic}",
+                    property=port,
+                    expected=topic,
+                    actual=written,
+                    severity="note",
+                )
+        namespace = namespace_of(node, subject.stage, subject.live)
+        if namespace and namespace not in refused and ros_name(namespace, "topic") is None:
+            refused.add(namespace)
             yield Problem(
-                name.node.path,
-                f"{name.port} is {display(name.written)}, which ROS 2 rejects"
-                if name.written
-                else f"{name.port} is empty: there is no topic",
-                property=name.port,
-                actual=name.written,
+                node.path,
+                f"the namespace of its topics is {display(namespace)}, which ROS 2 rejects",
+                expected="letters, digits, underscores and slashes, a letter first",
+                actual=namespace,
             )
-        elif name.is_changed:
-            yield Problem(
-                name.node.path,
-                f"{name.port} is {display(name.written)}, but the topic becomes {name.resolved}",
-                property=name.port,
-                expected=name.resolved,
-                actual=name.written,
-                severity="note",
-            )
-    for node, namespace in refused_namespaces(subject.stage):
-        yield Problem(
-            node.path,
-            f"the namespace of its topics is {display(namespace)}, which ROS 2 rejects",
-            expected="letters, digits, underscores and slashes, a letter first",
-            actual=namespace,
-        )
 
 
 @rule("K38", "frame-name", severity="warning")
@@ -249,8 +256,7 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:frameId = "/base_scan"`.
     """
-    for node, port, value in written_frames(subject.stage):
-        is_stripped = node.type is not None and node.type.tf is not None  # by tf2
+    for node, port, value, is_stripped in _written_frames(subject):
         is_padded = value != value.strip()
         if not value or is_padded or (value.startswith("/") and not is_stripped):
             fault = "begins with a slash" if not is_padded else "has white space around it"
@@ -264,6 +270,18 @@ def frame_name(subject: LintSubject) -> Iterator[Problem]:
                 fix=_setting(node, port, value.strip().lstrip("/")),
             )
     yield from _exchanged_names(subject.stage)
+
+
+def _written_frames(subject: LintSubject) -> Iterator[tuple[Node, str, str, bool]]:
+    """Yield the frames that nodes send: node, port, name, and whether tf2 strips its slash."""
+    for node, kind in nodes_with(lambda kind: kind if kind.topics else None, subject.stage):
+        if subject.runs(node.path) and is_switched_on(node, subject.live):
+            topics = used_topics(node, kind, subject.live)
+            is_pair = any(topic.endswith("Right") for topic in topics)
+            for port in kind.frames:
+                value = effective_value(node, port, subject.live)
+                if isinstance(value, str) and (is_pair or not port.endswith("Right")):
+                    yield node, port, value, kind.tf is not None
 
 
 def _exchanged_names(stage: StageModel) -> Iterator[Problem]:
