@@ -262,23 +262,20 @@ def nodes_of_unknown_type(stage: StageModel) -> Iterator[Node]:
             yield node
 
 
-def stopping_limits(live: Mapping[str, Node], node: Node) -> Iterator[tuple[str, Value]]:
-    """Yield the limits of a node, and their values, that keep it from computing anything."""
-    for port in node.type.step_limits if node.type is not None else ():
-        value = effective_value(node, port, live) if lacks_time_step(live, node) else None
-        if value is not None and number(value) != 0:
-            yield port, value
+def limits_without_step(node: Node, live: Mapping[str, Node]) -> dict[str, Value | None]:
+    """Return the limits, with their values, that keep a node without a time step from computing.
+
+    Without any they are those whose values, here None, come over wires.
+    """
+    if node.type is None or not _lacks_time_step(node, live):
+        return {}
+    values = {port: effective_value(node, port, live) for port in node.type.step_limits}
+    known = {port: value for port, value in values.items() if value is not None}
+    unknown = dict.fromkeys(port for port in values if port not in known and node.sources(port))
+    return {port: value for port, value in known.items() if number(value) != 0} or unknown
 
 
-def unknown_limits(live: Mapping[str, Node], node: Node) -> list[str]:
-    """Return the limits whose values come over wires, of a node that has no time step."""
-    if node.type is None or not lacks_time_step(live, node):
-        return []
-    wired = (port for port in node.type.step_limits if node.sources(port))
-    return [port for port in wired if effective_value(node, port, live) is None]
-
-
-def lacks_time_step(live: Mapping[str, Node], node: Node) -> bool:
+def _lacks_time_step(node: Node, live: Mapping[str, Node]) -> bool:
     """Whether the time step of a node that takes one is 0 or less."""
     for step in node.type.time_step if node.type is not None else ():
         seconds = effective_value(node, step, live)

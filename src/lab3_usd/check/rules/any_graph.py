@@ -14,7 +14,7 @@ from lab3_usd.check.match.rule_inputs import (
 from lab3_usd.check.registry import rule
 from lab3_usd.check.repairs import VERSION, other_names
 from lab3_usd.facts.execution_order import live_nodes, unevaluated_by
-from lab3_usd.facts.stalled_nodes import has_side_effects, stopping_limits, unknown_limits
+from lab3_usd.facts.stalled_nodes import has_side_effects, limits_without_step
 from lab3_usd.facts.stuck_nodes import is_made_later, is_placeholder
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import RemovePrim, SetValue
@@ -359,26 +359,26 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
     live = live_nodes(subject.stage)
     limited = (node for node in subject.nodes() if node.type and node.type.step_limits)
     for node in limited:
-        values = dict(stopping_limits(live, node))
-        for port in values or unknown_limits(live, node):
+        for port, value in limits_without_step(node, live).items():
             from lab3_usd.check.missing_wires import step_wire  # which few stages need
 
             steps = () if node.type is None else node.type.time_step
             at_steps = tuple((node.path, step) for step in steps)
             wires = ", ".join(map(short_source, node.sources(port)))
             first = f"delete the wire from {wires}, then " if wires else ""
-            written = f"is {display(values[port])}" if port in values else "is connected"
-            effect = "the robot never moves" if port in values else "where it is not 0, all stops"
+            written, effect = "is connected", "where it is not 0, all stops"
+            if is_known := value is not None:
+                written, effect = f"is {display(value)}", "the robot never moves"
             yield Problem(
                 node.path,
                 f"{port} {written} while {steps[0]} is 0: {effect}",
                 property=port,
                 expected="0",
-                actual=display(values.get(port)),
-                severity=None if port in values else "warning",
+                actual=display(value),
+                severity=None if is_known else "warning",
                 hint=f"{first}select {node_title(node)} and set {port.partition(':')[2]} to 0, or "
                 f"connect the delta of the tick to {steps[0].partition(':')[2]}",
                 fix=() if node.sources(steps[0]) else step_wire(node, steps[0], subject.stage),
-                assumes=() if port in values else ((node.path, port), *at_steps),
-                covers=at_steps if port in values else (),
+                assumes=() if is_known else ((node.path, port), *at_steps),
+                covers=at_steps if is_known else (),
             )
