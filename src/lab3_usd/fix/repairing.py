@@ -346,7 +346,7 @@ def deletes_what_waits(
 def _restores_what_moves(repair: Repair, repairs: Iterable[Repair]) -> bool:
     """Whether a repair restores a prim that another one moves: only there does the lab know it."""
     restored = [edit.prim for edit in repair.edits if isinstance(edit, Restore)]
-    others = (other for other in repairs if restored and other != repair)
+    others = (other for other in repairs if other != repair) if restored else ()
     moved = [e.prim for other in others for e in other.edits if isinstance(e, MovePrim)]
     return any(is_at_or_below(path, prim) for path in restored for prim in moved)
 
