@@ -28,7 +28,7 @@ _FLAT = ("Cube", PLANE)
 _SQUARE = 0.999  # how far along an axis an axis must point
 _ALIKE = 0.02
 _NOISE = 1e-4  # of sizes that are measured after turns and scales
-_OF_CAR = 4  # wheels
+_PAIR, _OF_CAR = 2, 4  # wheels
 
 
 def axis_of_joint(joint: Prim, side: int) -> Vector | None:
@@ -94,16 +94,15 @@ def unknown_shape(joints: Sequence[Prim], stage: StageModel) -> UnresolvedAsset 
     return next(inside, None)
 
 
-def pair_sizes(pair: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:
-    """Return the sizes of a robot of two driven wheels in metres, as `QuantityOf` names them."""
-    return {"radius": _common_radius(pair, stage), "distance": distance_of_wheels(stage, *pair)}
+def sizes_of(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:
+    """Return the sizes of a robot in metres, as `QuantityOf` names them: of two wheels, or a car.
 
-
-def car_sizes(wheels: Sequence[Prim], stage: StageModel) -> dict[str, float | None]:
-    """Return the sizes of a car in metres, as `QuantityOf` names them; none of other robots.
-
-    Its wheels are front left and right, back left and right (ackermann_controller.py:82-84).
+    The wheels of a car are front left and right, back left and right
+    (ackermann_controller.py:82-84).
     """
+    if len(wheels) == _PAIR:
+        distance = distance_of_wheels(stage, *wheels)
+        return {"radius": _common_radius(wheels, stage), "distance": distance}
     if len(wheels) != _OF_CAR:
         return {}
     sizes = {

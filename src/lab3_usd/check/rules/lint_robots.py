@@ -25,7 +25,7 @@ from lab3_usd.facts.execution_order import live_nodes
 from lab3_usd.facts.followed_bodies import Followed, followed_bodies
 from lab3_usd.facts.quantities import unit_of
 from lab3_usd.facts.reaching_values import effective_value, live_sources
-from lab3_usd.facts.wheels import anchor, car_sizes, pair_sizes, unknown_shape, wheel_radius
+from lab3_usd.facts.wheels import anchor, sizes_of, unknown_shape, wheel_radius
 from lab3_usd.isaac.node_types import INPUT
 from lab3_usd.model.finding import Problem
 from lab3_usd.model.physics import BODY_API, number
@@ -150,7 +150,6 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
 
     Example: `inputs:wheelRadius = 0.025`, the wheel's collision shape has 0.033.
     """
-    told: set[tuple[str, str]] = set()  # a controller may drive several pairs
     tolerance = subject.value(_TOLERANCE)
     for _, controller, pair in driven_pairs(subject.stage):
         one, other = (wheel_radius(joint, subject.stage) or 0.0 for joint in pair)
@@ -162,17 +161,14 @@ def wheel_size(subject: LintSubject) -> Iterator[Problem]:
                 related=tuple(joint.path for joint in pair),
                 rests_on=unknown_shape(pair, subject.stage),
             )
-        of_pair = pair_sizes(pair, subject.stage)
-        yield from _unlike_sizes(controller, pair, of_pair, told, subject)
+    told: set[tuple[str, str]] = set()  # a controller may drive several pairs
     for _, controller, wheels in driven_wheels(subject.stage):
-        if of_car := car_sizes(wheels, subject.stage):
-            yield from _unlike_sizes(controller, wheels, of_car, told, subject)
+        yield from _unlike_sizes(controller, wheels, told, subject)
 
 
 def _unlike_sizes(
     controller: Node,
     wheels: tuple[Prim, ...],
-    sizes: Mapping[str, float | None],
     told: set[tuple[str, str]],
     subject: LintSubject,
 ) -> Iterator[Problem]:
@@ -181,6 +177,7 @@ def _unlike_sizes(
     What is no size at all makes it compute nothing, which is another finding. Each is told once.
     """
     quantity = subject.platform.quantities[controller.type_name]
+    sizes = sizes_of(wheels, subject.stage)
     speed = next((INPUT + name for name, taken in quantity.takes.items() if _SPEED in taken), "")
     tolerance = subject.value(_TOLERANCE)
     unit = unit_of(controller, speed, subject.stage)
