@@ -278,15 +278,14 @@ def another_quantity(subject: LintSubject) -> Iterator[Problem]:
     Example: `linear.y` is connected to `inputs:linearVelocity` of a Differential Controller.
     """
     typed, needs = subject.platform.quantities, subject.platform.needs
-    stamp = INPUT + subject.platform.ros.stamp
-    meant = nodes_of(lambda kind: kind.type in typed or kind.type in needs, subject.stage)
-    for node in meant:
+    stage, stamp = subject.stage, INPUT + subject.platform.ros.stamp
+    for node in nodes_of(lambda kind: kind.type in typed or kind.type in needs, stage):
         for port, quantities in _quantities(node, subject).items():
-            given = quantity_of(node, port, subject.stage)
+            given = quantity_of(node, port, stage)
             if given is not None and given.name not in quantities:
-                is_still = (given.name == _STEP and port == stamp) or (
-                    given.name in _SPEEDS and _moves_nothing(node, port, subject)
-                )
+                own = [command for command in commands(stage) if command.node is node]
+                leaves = given.name in _SPEEDS and any(leaves_joints(c, port, stage) for c in own)
+                is_still = leaves or (given.name == _STEP and port == stamp)
                 yield Problem(
                     node.path,
                     f"{port} expects {' or '.join(quantities)}, but {given.maker.name} provides "
@@ -314,13 +313,6 @@ def _quantities(node: Node, subject: LintSubject) -> dict[str, tuple[str, ...]]:
     }
     stamp = INPUT + subject.platform.ros.stamp
     return {**takes, stamp: (_TIME,)} if stamp in needed else takes
-
-
-def _moves_nothing(node: Node, port: str, subject: LintSubject) -> bool:
-    return any(
-        command.node is node and leaves_joints(command, port, subject.stage)
-        for command in commands(subject.stage)
-    )
 
 
 # Inputs of Kit's nodes that read or write a prim, by the pages of Read and Write Prim Attribute:
