@@ -63,11 +63,8 @@ def two_publishers(subject: ModelSubject) -> Iterator[Problem]:
     for topic in publishers_by_topic(subject):
         for endpoint in topic.blamed:
             right = topic.right
-            is_twice = endpoint.node.path == right.node.path
-            are_known = None not in (right.type, endpoint.type)
-            if are_known and right.type != endpoint.type and not is_twice:
-                continue  # two kinds of messages, not one that is sent twice
-            if is_twice:
+            types = {right.type, endpoint.type}
+            if endpoint.node.path == right.node.path:
                 yield Problem(
                     endpoint.node.path,
                     f"{endpoint.port} and {right.port} are both {endpoint.topic}",
@@ -76,7 +73,7 @@ def two_publishers(subject: ModelSubject) -> Iterator[Problem]:
                     actual=endpoint.topic,
                     severity=severity_of(right, endpoint, subject=subject),
                 )
-            else:
+            elif None in types or len(types) == 1:  # else two kinds of messages, each sent once
                 again.setdefault(graph_of(endpoint), []).append((endpoint, topic))
     for repeats in again.values():
         first = repeats[0][0]

@@ -56,8 +56,7 @@ def _by_themselves(stage: StageModel) -> tuple[WireFault, ...]:
     fed: dict[tuple[str, str], str] = {}
     for wire in connections(stage):
         if not wire.has_source:
-            is_dead = is_needed(wire.node, wire.port, stage)
-            kind: Kind = "dead" if is_dead else "leftover"
+            kind: Kind = "dead" if is_needed(wire.node, wire.port, stage) else "leftover"
             faults.append(WireFault(kind, wire.node, wire.port, None, wire.path))
         elif wire.is_live and not wire.is_compatible:
             faults.append(WireFault("incompatible", wire.node, wire.port, None, wire.path))

@@ -30,8 +30,6 @@ from lab3_usd.model.transforms import (
     scaled,
 )
 
-_TWO = 2  # bodies that make a robot
-
 
 @rule("K88", "another-robot", severity="warning")
 def another_robot(subject: LintSubject) -> Iterator[Problem]:
@@ -116,14 +114,14 @@ def _by_parent(subject: LintSubject) -> Iterator[Problem]:
             target: robot
             for target, robot in owner_of.items()
             if robot not in {"", owner}
-            and bodies.sizes[robot] >= _TWO
+            and bodies.sizes[robot] > 1
             and not _is_root(target, prims_above, subject)
         }
         is_whole = len(foreign) == sum(bool(robot) for robot in owner_of.values())
         wrong = [
             target for target, robot in foreign.items() if is_whole or robot in owners.values()
         ]
-        if owner and bodies.sizes[owner] >= _TWO and wrong:
+        if owner and bodies.sizes[owner] > 1 and wrong:
             port = tf_ports(node).prims[1]
             yield Problem(
                 path,

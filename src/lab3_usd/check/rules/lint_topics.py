@@ -63,8 +63,7 @@ def invalid_qos(subject: LintSubject) -> Iterator[Problem]:
                 expected="policies that are known",
                 actual=str(profile),
             )
-            continue
-        if endpoint.qos is None and isinstance(written, str) and written:
+        elif endpoint.qos is None and isinstance(written, str) and written:
             yield Problem(
                 endpoint.node.path,
                 f"{PROFILE} is not a profile that Isaac Sim can read: {endpoint.topic} is not "
