@@ -91,19 +91,17 @@ def unreadable_target(subject: LintSubject) -> Iterator[Problem]:
     for node in nodes_of(lambda kind: kind.type in targets, subject.stage):
         unread = refused_target(node, subject.stage)
         if unread is not None:
-            asked, path = unread.asked, unread.prim.path
+            asked, path, port = unread.asked, unread.prim.path, INPUT + unread.asked.input
             roots = articulations(path, subject.stage) if asked.part_of else ()
             what = f"above {roots[0]}, the articulation root" if roots else f"not {asked.what}"
             yield Problem(
                 node.path,
-                f"{INPUT}{asked.input} is {path}, which is {what}: {asked.effect}",
-                property=INPUT + asked.input,
+                f"{port} is {path}, which is {what}: {asked.effect}",
+                property=port,
                 expected=roots[0] if roots else asked.what,
                 actual=path,
                 related=(path, *roots[:1]),
-                fix=(Retarget(node.path, INPUT + asked.input, tuple(roots)),)
-                if len(roots) == 1
-                else (),
+                fix=(Retarget(node.path, port, tuple(roots)),) if len(roots) == 1 else (),
                 rests_on=unread.unknown,
             )
 

@@ -40,11 +40,11 @@ def context_missing(subject: LintSubject) -> Iterator[Problem]:
 
     Example: one of four publishers has no wire at `inputs:context`.
     """
-    default = Domain()  # of a node without a context
+    # Domain() is that of a node without a context.
     connected = [
         entry
         for entry in context_inputs(subject.stage)
-        if entry.contexts and domain_of(entry.node, subject.live, subject.platform) != default
+        if entry.contexts and domain_of(entry.node, subject.live, subject.platform) != Domain()
     ]
     for entry in context_inputs(subject.stage) if connected else ():
         if not entry.is_set and has_side_effects(entry.node) and subject.runs(entry.node.path):
@@ -85,13 +85,11 @@ def contexts_differ(subject: LintSubject) -> Iterator[Problem]:
     Example: one context has `domain_id = 5`, the other `domain_id = 0`.
     """
     contexts_of = domains(subject.stage)
-    if len(contexts_of) < 2:  # noqa: PLR2004 - the first is what the others differ from
-        return
     clocks, others_of = set[str](), set[str]()
     for direction in ("publishes", "subscribes"):
         for endpoint in running_endpoints(subject.stage, direction):
             (clocks if endpoint.type == CLOCK else others_of).add(endpoint.domain.name)
-    if {domain.name for domain in contexts_of} <= clocks & others_of:
+    if not contexts_of or {domain.name for domain in contexts_of} <= clocks & others_of:
         return
     # What most contexts name is meant.
     first, nodes = max(contexts_of.items(), key=lambda each: len(each[1]))
