@@ -63,7 +63,7 @@ class Addition(Struct, frozen=True):
 
 
 class Added(Struct, frozen=True):
-    """A stage with graphs added: the findings before and after, and the new bytes of its file.
+    """A stage with graphs added: the findings that came, and the new bytes of its file.
 
     `data` is None where nothing changes. `awaited` are the new findings that another command
     resolves, each with how; `new` the others, for which nothing is written unless forced.
@@ -71,8 +71,6 @@ class Added(Struct, frozen=True):
 
     path: Path
     additions: tuple[Addition, ...]
-    before: tuple[Finding, ...]
-    after: tuple[Finding, ...]
     awaited: tuple[tuple[Finding, str], ...]
     new: tuple[Finding, ...]
     state: FileState
@@ -109,7 +107,7 @@ def add_graphs(path: Path, requests: Sequence[Request], options: AddOptions) -> 
         after = editing.findings()
         data = editing.new_root()
     awaited, new = new_findings(before, after, additions, editing.platform)
-    return Added(path, tuple(additions), before, after, awaited, new, editing.state, data)
+    return Added(path, tuple(additions), awaited, new, editing.state, data)
 
 
 def new_findings(

@@ -38,10 +38,8 @@ def wheels(task: Task) -> Iterator[Hole]:
         numbers = options.indices
         if not numbers or len(numbers) % _PAIR or min(numbers) < 0:
             raise UsageError("--indices: give the numbers of left and right joints in turn: 0,1")
-        items = [
-            {"joints": None, "indices": numbers[at : at + _PAIR]}
-            for at in range(0, len(numbers), _PAIR)
-        ]
+        pairs = zip(numbers[::_PAIR], numbers[1::_PAIR], strict=True)
+        items = [{"joints": None, "indices": pair} for pair in pairs]
         yield Hole("pairs", items, "wheels", ", ".join(map(str, numbers)), "given", "--indices")
     yield _radius_hole("radius", wheels, robot, options.radius)
     yield _distance_hole(groups, robot, options.distance)
@@ -60,7 +58,7 @@ def _wheel_groups(task: Task) -> list[_Pair]:
             raise UsageError("--joints: name left and right joints in turn: LEFT,RIGHT")
         by_name = {wheel.joint.name: wheel for wheel in robot.wheels}
         chosen = [by_name.get(name) for name in names]
-        return [(chosen[at], chosen[at + 1]) for at in range(0, len(chosen), _PAIR)]
+        return [*zip(chosen[::_PAIR], chosen[1::_PAIR], strict=True)]
     wheels = robot.driven_wheels
     if not wheels:
         if task.options.indices is not None:
@@ -85,7 +83,7 @@ def _wheel_groups(task: Task) -> list[_Pair]:
 def _pair_names(task: Task, groups: Sequence[_Pair]) -> list[tuple[str, ...]]:
     names = task.options.joints
     if names is not None:
-        return [names[at : at + _PAIR] for at in range(0, len(names), _PAIR)]
+        return [*zip(names[::_PAIR], names[1::_PAIR], strict=True)]
     return [tuple(wheel.joint.name for wheel in pair if wheel is not None) for pair in groups]
 
 

@@ -90,9 +90,7 @@ class ReadScript(Struct, frozen=True, eq=False):
                 yield from ((node, name, port) for name, port in node.ports.items())
 
 
-def read_script(
-    path: Path, platform: Platform, scene: StageModel | None = None
-) -> ReadScript | None:
+def read_script(path: Path, platform: Platform, scene: StageModel | None) -> ReadScript | None:
     """Read the graphs that a script builds, None where it builds none.
 
     Nothing of it is run, and nothing that it imports or names is opened. `scene` is the stage that

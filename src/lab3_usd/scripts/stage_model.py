@@ -79,7 +79,7 @@ class _Overlay(Prims):
         return self._below.below(top, asked, left_out)
 
 
-def modelled(world: World, platform: Platform, scene: StageModel | None = None) -> StageModel:
+def modelled(world: World, platform: Platform, scene: StageModel | None) -> StageModel:
     """Return the stage that a script leaves, over a scene or without one.
 
     Where there is no scene, what prims it has is unknown.

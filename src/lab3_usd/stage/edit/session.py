@@ -133,8 +133,8 @@ def render_prim(layer: Sdf.Layer, path: str) -> str:
         for name in layer.pseudoRoot.ListInfoKeys():
             if name not in {"subLayers", _OFFSETS}:
                 rendered.pseudoRoot.SetInfo(name, layer.pseudoRoot.GetInfo(name))
-        return str(rendered.ExportToString())
-    _copy_alone(layer, rendered, path)
+    else:
+        _copy_alone(layer, rendered, path)
     return str(rendered.ExportToString())
 
 
