@@ -356,7 +356,7 @@ def _groups(subject: RobotSubject) -> dict[str, str]:
     robot = subject.robot
     group = {link: link for link in robot.link_paths}
     for joint in joints(subject.stage):
-        ends = [(link_of(body, robot) or body) for body in bodies(joint) if body]
+        ends = [link_of(body, robot) or body for body in bodies(joint) if body]
         names = {group.setdefault(end, end) for end in ends}
         if len(names) > 1:
             first = min(names)

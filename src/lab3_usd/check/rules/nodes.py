@@ -342,7 +342,7 @@ def wheels_commanded_twice(subject: RobotSubject) -> Iterator[Problem]:
     Example: `/Graph/differential_controller/ArticulationController`, created by Tools > Robotics >
     OmniGraph Controllers > Differential Controller.
     """
-    stage, _lab, robot = subject.stage, subject.lab, subject.robot
+    stage, robot = subject.stage, subject.robot
     live = live_nodes(stage)
     for node, own in second_commanders(subject):
         doubtful = (

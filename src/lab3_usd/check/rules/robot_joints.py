@@ -19,6 +19,7 @@ from lab3_usd.model.finding import Problem
 from lab3_usd.model.joint_drives import (
     DRIVE,
     DRIVEN_AXES,
+    Drive,
     JointFault,
     left_out,
     number_text,
@@ -208,9 +209,15 @@ def _drive(prim: Prim, name: str, spec: JointSpec, subject: RobotSubject) -> Ite
     values = {"stiffness": drive.stiffness, "damping": drive.damping, "maxForce": drive.force}
     for word, wanted in spec.drive.items():
         if not _same(values[word], wanted, subject):
-            shown = number_text(values[word])
-            text = f"the {_WORDS[word]} of {name} is {shown}, expected {wanted:g}"
-            yield JointFault(text, f"{drive.start}{word}", f"{wanted:g}", shown)
+            yield drive_fault(name, drive, word, values[word], f"{wanted:g}")
+
+
+def drive_fault(
+    joint: str, drive: Drive, word: str, value: float | None, expected: str
+) -> JointFault:
+    """Return that a value of the drive of a joint is another one than expected."""
+    text = f"the {_WORDS[word]} of {joint} is {number_text(value)}, expected {expected}"
+    return JointFault(text, f"{drive.start}{word}", expected, number_text(value))
 
 
 def _same(actual: float | None, wanted: float, subject: RobotSubject) -> bool:

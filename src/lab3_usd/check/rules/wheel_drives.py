@@ -12,11 +12,12 @@ from lab3_usd.check.registry import rule
 from lab3_usd.check.robot.ground import highest_ground
 from lab3_usd.check.robot.wheels import WheelJoint, turning_joints, wheel_problem
 from lab3_usd.check.rules.any_physics import link_bodies
+from lab3_usd.check.rules.robot_joints import drive_fault
 from lab3_usd.check.rules.wheel_joints import of_each_joint
 from lab3_usd.model.changes import ApplySchema, Restore
 from lab3_usd.model.finding import Problem
-from lab3_usd.model.joint_drives import Drive, JointFault, number_text, read_drive
-from lab3_usd.model.physics import COLLISION_API, DAMPING, DRIVE_API, MAX_FORCE, STIFFNESS, collides
+from lab3_usd.model.joint_drives import Drive, JointFault, read_drive
+from lab3_usd.model.physics import COLLISION_API, DAMPING, DRIVE_API, MAX_FORCE, collides
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.traction import (
@@ -29,7 +30,6 @@ from lab3_usd.model.traction import (
     surface_of,
 )
 
-_WORDS = {DAMPING: "damping", MAX_FORCE: "the drive's largest force"}
 _DRIVEN = of_each_joint(stiffness="has stiffness 0", damping="has damping and force")
 
 
@@ -59,14 +59,12 @@ def joint_drive(subject: RobotSubject) -> Iterator[Problem]:
             if asset is None:
                 continue
         if drive.stiffness != 0:
-            text = f"stiffness is {number_text(drive.stiffness)}, expected 0"
-            fault = JointFault(text, STIFFNESS, "0", f"{drive.stiffness}")
+            fault = drive_fault(joint.name, drive, "stiffness", drive.stiffness, "0")
             yield wheel_problem(joint, robot, fault, "stiffness")
-        for name, value in ((DAMPING, drive.damping), (MAX_FORCE, drive.force)):
+        for word, value in (("damping", drive.damping), ("maxForce", drive.force)):
             if value is None or not value > 0:
-                text = f"{_WORDS[name]} is {number_text(value)}, expected more than 0"
-                fault = JointFault(text, name, "above 0", number_text(value))
-                asset = subject.stage.unknown_value(prim, name)
+                fault = drive_fault(joint.name, drive, word, value, "more than 0")
+                asset = subject.stage.unknown_value(prim, f"{drive.start}{word}")
                 yield wheel_problem(joint, robot, fault, "damping", rests_on=asset)
         yield from _weak_drive(joint, drive, subject)
 
