@@ -27,6 +27,16 @@ class MapFacts(Struct, frozen=True, forbid_unknown_fields=True):
     height: int
     handout: str
 
+    @property
+    def origin_x(self) -> float:
+        """X of the lower left corner, which topics of a lab name (`map_fields`)."""
+        return self.origin[0]
+
+    @property
+    def origin_y(self) -> float:
+        """Y of the lower left corner."""
+        return self.origin[1]
+
 
 class TopicSpec(Struct, frozen=True, forbid_unknown_fields=True, rename=_FROM):
     """A topic of the running system.
