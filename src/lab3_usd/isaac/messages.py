@@ -86,6 +86,8 @@ def with_named_message(kind: NodeType, written: Mapping[str, Written]) -> NodeTy
 
     `written` are the ports of the node by full name.
     """
+    if not kind.grows_by_message:
+        return kind
     states = {name: written[name] for name in NAMED if name in written}
     if any(state.sources for state in states.values()):
         return kind

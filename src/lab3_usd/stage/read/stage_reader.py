@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Mapping, Sequence
 from functools import partial
+from itertools import chain
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -130,16 +131,18 @@ def _scene(stage: Usd.Stage, platform: Platform, path: str) -> Scene:
 
 def _named_products(stage: Usd.Stage, scan: _Scan) -> dict[str, RenderProduct]:
     """Return the render products that nodes name, also those that the application ignores."""
-    nodes = [node for nodes in scan.nodes.values() for node in nodes if node.type is not None]
-    named = [
-        node.targets(node.type.product.named)
-        for node in nodes
-        if node.type is not None and node.type.product is not None
-    ]
-    texts = (node.value(name) for node in nodes for name in node.ports if name.startswith(PRODUCT))
-    named += [(text,) for text in texts if isinstance(text, str) and text.startswith("/")]
+    nodes: dict[NodeType, list[Node]] = {}
+    for node in chain.from_iterable(scan.nodes.values()):
+        if node.type is not None:
+            nodes.setdefault(node.type, []).append(node)
+    named: list[object] = []
+    for kind, members in nodes.items():
+        ports = [name for name in kind.ports if name.startswith(PRODUCT)]
+        named += (node.value(port) for node in members for port in ports)
+        if kind.product is not None:
+            named += (path for node in members for path in node.targets(kind.product.named))
     products = {}
-    for path in (path for paths in named for path in paths):
+    for path in (path for path in named if isinstance(path, str) and path.startswith("/")):
         prim = stage.GetPrimAtPath(path)
         if prim:
             properties = AuthoredProperties(prim)
@@ -175,6 +178,7 @@ class _Scan:
         self.old_types: list[OldType] = []
         self._inner: dict[str, tuple[str, ...]] = {}
         self._namespaces: dict[str, tuple[str, ...]] = {"/": ()}
+        self._types: dict[str, tuple[str, NodeType | None, Mapping[str, OtherName]]] = {}
 
     def run(self) -> None:
         """Look at every prim; at those that the application made for itself only for scripts."""
@@ -215,7 +219,7 @@ class _Scan:
             path: self._platform.other_ports(node.type_name) for path, node in nodes.items()
         }
         releases = set(self._releases(nodes, port_names))
-        for graph, members in self.nodes.items():
+        for graph, members in self.nodes.items() if releases else ():
             self.nodes[graph] = [_settled(node, port_names, releases) for node in members]
 
     def _releases(
@@ -314,8 +318,10 @@ class _Scan:
 
     def _type(self, written: str) -> tuple[str, NodeType | None, Mapping[str, OtherName]]:
         """Return what `node:type` means: a name, its type, and other names of its ports."""
-        name = self._platform.type_name(written)
-        return name, self._platform.types.get(name), self._platform.other_ports(name)
+        if written not in self._types:
+            name, platform = self._platform.type_name(written), self._platform
+            self._types[written] = name, platform.types.get(name), platform.other_ports(name)
+        return self._types[written]
 
     def _note_absent(self, prim: Usd.Prim, graph: str) -> None:
         """Keep a prim that looks like a node and is none: its own graph may miss it."""
