@@ -11,6 +11,7 @@ import pytest
 import quick_yaml
 from html_pages import read
 from in_process import invoke
+from msgspec import to_builtins
 from msgspec.structs import replace
 from other_labs import LAB, LAST, MINI, cut_wire, files_below, stage, starter, submission
 from pxr import Gf, Sdf, Usd
@@ -21,6 +22,7 @@ from lab3_usd.errors import SpecError, UsageError
 from lab3_usd.grade.class_run import ClassSettings
 from lab3_usd.grade.gradebook import HTML, read_gradebook
 from lab3_usd.grade.regrade import regrade, student_in, sum_of
+from lab3_usd.grade.scoring import Deduction
 
 pytestmark = pytest.mark.usefixtures("equal_judged_once")
 
@@ -314,3 +316,11 @@ def test_the_same_work_is_listed_and_not_judged(tmp_path: Path) -> None:
     ]
     page = read((tmp_path / "book" / "index.html").read_text(encoding="utf-8"))
     assert "ann, bob, cem: the same graphs, except names" in page.text
+
+
+def test_the_sum_says_once_what_was_carried_over(book: Path) -> None:
+    of_class = read_gradebook(book)
+    row = student_in(of_class, "joe")
+    again = Deduction("clock", "", "carried over: A: b", 0.5, "W01", "a.usda", "b", "The clock")
+    lines = list(sum_of(of_class, {**row, "lost": [to_builtins(again), to_builtins(again)]}))
+    assert lines[-3:] == ["", "carried over into 1 item: -1.00", "    The clock: b (W01)"]

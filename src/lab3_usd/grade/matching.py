@@ -96,11 +96,7 @@ def matched(
     claims = [
         claim
         for submission in submissions
-        for claim in (
-            _mapped_claims(submission.student, mapped[submission.student])
-            if submission.student in mapped
-            else _claims(submission, index, roster.platform)
-        )
+        for claim in _claims(submission, index, roster.platform, mapped.get(submission.student))
     ]
     of_row: defaultdict[int, list[Claim]] = defaultdict(list)
     for claim in claims:
@@ -146,14 +142,6 @@ def _listed(names: Sequence[str]) -> str:
     return f"{shown} or {more} more" if more > 0 else shown
 
 
-def _mapped_claims(student: str, rows: Sequence[RosterRow]) -> Iterator[Claim]:
-    """Yield a claim on each row that a person gave for a submission."""
-    if not rows:
-        yield Claim(student, (), "the export has nobody of the id in the map")
-    for row in rows:
-        yield Claim(student, (row,))
-
-
 class _Index(Struct, frozen=True):
     """The rows of an export by id, name and group, as they are compared."""
 
@@ -174,10 +162,16 @@ def _indexed(rows: Iterable[RosterRow]) -> _Index:
     return index
 
 
-def _claims(submission: GradedSubmission, index: _Index, platform: str) -> Iterator[Claim]:
-    """Yield a claim for each person that a submission may be of."""
+def _claims(
+    submission: GradedSubmission, index: _Index, platform: str, given: Sequence[RosterRow] | None
+) -> Iterator[Claim]:
+    """Yield a claim for each person that a submission may be of, or on each row that is given."""
     student = submission.student
-    if submission.may_be:
+    if given is not None:
+        yield from (Claim(student, (row,)) for row in given)
+        if not given:
+            yield Claim(student, (), "the export has nobody of the id in the map")
+    elif submission.may_be:
         yield _uncertain_claim(submission, index)
     elif not submission.platform:
         yield _claim_by_folder(student, index)

@@ -15,7 +15,7 @@ import signal
 import sys
 import threading
 from collections.abc import Callable, Generator, Iterable, Iterator, Sequence
-from concurrent.futures import FIRST_COMPLETED, ThreadPoolExecutor, wait
+from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing, contextmanager, nullcontext, suppress
 from itertools import islice
 from multiprocessing import forkserver
@@ -72,15 +72,15 @@ def answers_of(
     atexit.register(end_all)
     try:
         with interrupted_by_signals(stop) as interrupt:
-            with interrupt.put_off():
-                # As many again wait, so that no worker is idle while the caller uses an answer.
-                first = islice(waiting, 2 * len(workers))
-                pending = {executor.submit(answer, work) for work in first}
-            while pending:
+            pending: set[Future[_Answer]] = set()
+            while True:
                 with interrupt.put_off():
-                    done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
-                    further = islice(waiting, len(done))
+                    # As many again wait, so that no worker is idle while the caller uses an answer.
+                    further = islice(waiting, 2 * len(workers) - len(pending))
                     pending.update(executor.submit(answer, work) for work in further)
+                    done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
+                if not done and not pending:
+                    return
                 for future in done:
                     yield future.result()
     finally:

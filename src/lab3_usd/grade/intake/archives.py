@@ -317,8 +317,6 @@ class _Inside:
 
     def is_made(self, path: str) -> bool:
         """Whether a file lies in a folder that programs fill, which is passed over as a whole."""
-        if not is_made_name(path):
-            return False
         folder = made_folder(path, self._holds_stages)
         if not folder or (self._copy.archives and "/" not in folder):  # which is a student there
             return False

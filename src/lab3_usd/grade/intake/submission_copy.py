@@ -79,10 +79,6 @@ class Limits(Struct, frozen=True):
         """Return how long work of so much processor time may take; pauses do not count."""
         return max(self.clock_times * seconds, self.clock_least)
 
-    def as_processor_time(self, seconds: float) -> float:
-        """Return what seconds by the clock are counted as, in which a worker stood still."""
-        return seconds / self.clock_times
-
     def check_count(self, files: int) -> None:
         """Raise TooLargeError where a submission holds more files than it may."""
         if files > self.files:

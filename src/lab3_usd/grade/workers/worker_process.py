@@ -244,7 +244,7 @@ class Turn:
             self._stand_still(f"{most:g} s by the clock for all files", most)
 
     def _stand_still(self, what: str, seconds: float) -> NoReturn:
-        self.spent = max(self.spent, self.worker.limits.as_processor_time(seconds))
+        self.spent = max(self.spent, seconds / self.worker.limits.clock_times)
         self.fail(f"{OUT_OF_TIME} ({what})", external=True)
 
     def _decoded(self, kind: type[_Message], line: bytes | str | None) -> _Message:
