@@ -233,38 +233,41 @@ def find_deliverables(
     """Return the paths of the files that count for each deliverable, by its name."""
     folders, stages = spec.folders, spec.stages
     stage_endings = (*stages.endings, *stages.openable, *stages.slips)
-    tops = [entry.path.partition("/")[0].lower() if entry.folder else "" for entry in usable]
-    deliverables = [
-        (entry, entry.name.lower(), top in folders.shown)
-        for entry, top in zip(usable, tops, strict=True)
-        if top not in {folders.stages, folders.starter}
+    candidates = [
+        entry
+        for entry in usable
+        if _top(entry) not in {folders.stages, folders.starter}
         and not entry.name.lower().endswith(stage_endings)
     ]
-    endings = [PurePosixPath(name).suffix for _, name, _ in deliverables]
     return {
         name: tuple(
             entry.path
-            for (entry, own, is_shown), ending in zip(deliverables, endings, strict=True)
-            if (is_shown or not deliverable.folder)
-            and _counts(root, entry.path, own, ending, deliverable)
+            for entry in candidates
+            if (not deliverable.folder or _top(entry) in folders.shown)
+            and _counts(root / entry.path, deliverable)
         )
         for name, deliverable in spec.deliverables.items()
     }
 
 
-def _counts(root: Path, path: str, name: str, ending: str, deliverable: Deliverable) -> bool:
+def _top(entry: FolderFile) -> str:
+    """Return the topmost folder that a file lies in, in small letters; '' for none."""
+    return entry.path.partition("/")[0].lower() if entry.folder else ""
+
+
+def _counts(path: Path, deliverable: Deliverable) -> bool:
     """Whether a file counts for a deliverable, by its name in small letters and its content."""
+    name = path.name.lower()
     if any(fnmatchcase(name, pattern) for pattern in deliverable.never):
         return False
-    if ending in deliverable.endings:
+    if PurePosixPath(name).suffix in deliverable.endings:
         return True
     if not any(fnmatchcase(name, pattern) for pattern in deliverable.names):
         return False
     if not deliverable.links:
         return True
-    addresses = _ADDRESS.findall(
-        first_bytes(root / path, _MOST_BYTES).decode("utf-8", errors="replace")
-    )
+    text = first_bytes(path, _MOST_BYTES).decode("utf-8", errors="replace")
+    addresses = _ADDRESS.findall(text)
     return any(link in address.lower() for address in addresses for link in deliverable.links)
 
 
@@ -272,10 +275,11 @@ def find_parameter_files(
     root: Path, usable: Sequence[FolderFile], folders: FolderNames
 ) -> list[str]:
     """Return the YAML files that hold parameters of ROS 2 nodes, saved output left aside."""
-    paths = []
-    for entry in usable:
-        top = entry.path.partition("/")[0].lower() if entry.folder else ""
-        is_yaml = entry.name.lower().endswith((".yaml", ".yml")) and top not in folders.shown
-        if is_yaml and _PARAMETERS.search(first_bytes(root / entry.path, _MOST_BYTES)):
-            paths.append(entry.path)
-    return paths
+    yaml_files = [
+        entry.path
+        for entry in usable
+        if entry.name.lower().endswith((".yaml", ".yml")) and _top(entry) not in folders.shown
+    ]
+    return [
+        path for path in yaml_files if _PARAMETERS.search(first_bytes(root / path, _MOST_BYTES))
+    ]

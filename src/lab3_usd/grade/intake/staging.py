@@ -108,35 +108,32 @@ def stage_submission(
         earlier = ", ".join(whens)
         raise ArchiveError(f"{error}; this is the last {when}, before it came {earlier}") from error
     digest, remarks = hashlib.sha256(last.digest.encode()), list(last.remarks)
+
+    def remark(text: str) -> None:
+        remarks.append(FolderRemark(".", text, UPLOAD_LEFT_ASIDE))
+
     held = stage_folder(copy, last.folder.relative_to(folders[0]).as_posix()).checkpoints
     for own, folder, earlier in zip(uploads[1:], folders[1:], whens, strict=True):
         try:
             before, copy = _stage_upload(own, folder, limits)
         except (ArchiveError, TooLargeError) as error:
-            remarks.append(
-                FolderRemark(
-                    ".", f"the earlier {earlier} cannot be read: {error}", UPLOAD_LEFT_ASIDE
-                )
-            )
+            remark(f"the earlier {earlier} cannot be read: {error}")
             continue
         digest.update(before.digest.encode())
         had = stage_folder(copy, before.folder.relative_to(folder).as_posix()).checkpoints
         if merge:
             last, added = _merged(last, before)
             if added:
-                remarks.append(
-                    FolderRemark(".", f"from the {earlier}: {', '.join(added)}", UPLOAD_LEFT_ASIDE)
-                )
+                remark(f"from the {earlier}: {', '.join(added)}")
         elif len(had) > len(held):
-            text = (
+            remark(
                 f"the last {when} is judged ({counted(held)}); the earlier {earlier} has more "
                 f"({counted(had)})"
             )
-            remarks.append(FolderRemark(".", text, UPLOAD_LEFT_ASIDE))
     if merge and remarks != list(last.remarks):
-        remarks.append(FolderRemark(".", f"all else is from the last {when}", UPLOAD_LEFT_ASIDE))
-    for remark in remarks:
-        digest.update(remark.text.encode("utf-8", "backslashreplace"))
+        remark(f"all else is from the last {when}")
+    for folder_remark in remarks:
+        digest.update(folder_remark.text.encode("utf-8", "backslashreplace"))
     return replace(last, digest=digest.hexdigest(), remarks=tuple(remarks))
 
 

@@ -329,15 +329,12 @@ def start_worker(settings: PoolSettings, stopped: Callable[[], bool] = never_sto
         worker.tasks.put(encode(Start(scratch, settings)))
         ready = Turn(worker, _START_SECONDS, stopped).next(Ready, _START_SECONDS)
         worker.confined, worker.peak = ready.confined, ready.peak
-    except WorkerDiedError as error:
+    except BaseException as error:  # also an interrupt, which may come at any time
         last = log.read_text(errors="replace").strip().splitlines()
         end_worker(worker)
-        raise WorkerError(f"a worker does not start: {last[-1] if last else error}") from error
-    except RuntimeError as error:  # the system starts no more threads
-        end_worker(worker)
-        raise WorkerError(f"a worker does not start: {error}") from error
-    except BaseException:  # an interrupt, which may come at any time
-        end_worker(worker)
+        if isinstance(error, (WorkerDiedError, RuntimeError)):  # the system starts no more threads
+            why = last[-1] if last else error
+            raise WorkerError(f"a worker does not start: {why}") from error
         raise
     return worker
 
