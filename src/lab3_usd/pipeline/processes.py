@@ -48,11 +48,8 @@ def answers_of(
     free: queue.SimpleQueue[_Worker] = queue.SimpleQueue()
     for worker in workers:
         free.put(worker)
-    is_over = False  # a signal sets it, which must not wait for a lock
-
-    def stop() -> None:
-        nonlocal is_over
-        is_over = True
+    is_over = is_waiting = False  # signals set them, which must not wait for a lock
+    signals: list[int] = []
 
     def answer(work: _Work) -> _Answer:
         worker = free.get()
@@ -61,24 +58,36 @@ def answers_of(
         finally:
             free.put(worker)
 
+    def interrupt(number: int) -> None:
+        nonlocal is_over
+        is_over = True
+        signals.append(number)
+        # The waiting for futures holds their locks: an exception in the middle of it would keep
+        # them for ever, and the threads that want to give their answers with them.
+        if not is_waiting:
+            raise EndedBySignalError(number)
+
     def end_all() -> None:
-        stop()
+        nonlocal is_over
+        is_over = True
         executor.shutdown(cancel_futures=True)
         for worker in workers:
             end(worker)
 
-    waiting = iter(works)
+    waiting, pending = iter(works), set[Future[_Answer]]()
     # An interrupt in the caller's code does not close this generator before the program ends.
     atexit.register(end_all)
     try:
-        with interrupted_by_signals(stop) as interrupt:
-            pending: set[Future[_Answer]] = set()
+        with _signals_handled(interrupt):
             while True:
-                with interrupt.put_off():
-                    # As many again wait, so that no worker is idle while the caller uses an answer.
-                    further = islice(waiting, 2 * len(workers) - len(pending))
-                    pending.update(executor.submit(answer, work) for work in further)
-                    done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
+                is_waiting = True
+                # As many again wait, so that no worker is idle while the caller uses an answer.
+                further = islice(waiting, 2 * len(workers) - len(pending))
+                pending.update(executor.submit(answer, work) for work in further)
+                done, pending = wait(pending, _POLL_INTERVAL, FIRST_COMPLETED)
+                is_waiting = False
+                if signals:
+                    raise EndedBySignalError(signals[0])
                 if not done and not pending:
                     return
                 for future in done:
@@ -88,43 +97,13 @@ def answers_of(
         atexit.unregister(end_all)
 
 
-class _Interrupt:
-    """Raises EndedBySignalError at a signal, or after a part that must not be cut short.
-
-    The waiting for futures holds their locks: an exception in the middle of it would keep them
-    for ever, and the threads that want to give their answers with them.
-    """
-
-    def __init__(self) -> None:
-        self._is_put_off = False
-        self._has_come: EndedBySignalError | None = None
-
-    def come(self, number: int) -> None:
-        """Raise that this signal came, now or later."""
-        self._has_come = EndedBySignalError(number)
-        if not self._is_put_off:
-            raise self._has_come
-
-    @contextmanager
-    def put_off(self) -> Iterator[None]:
-        """Raise pending errors on exit."""
-        self._is_put_off = True
-        try:
-            yield
-        finally:
-            self._is_put_off = False
-        if self._has_come is not None:
-            raise self._has_come
-
-
 @contextmanager
-def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
-    """Call `stop` and raise EndedBySignalError once at SIGINT, SIGTERM or SIGHUP.
+def _signals_handled(interrupt: Callable[[int], None]) -> Iterator[None]:
+    """Call `interrupt` once at SIGINT, SIGTERM or SIGHUP.
 
     Signals that are ignored (`nohup`) or handled stay as they are. Only the main thread may handle
     signals; in others nothing changes.
     """
-    interrupt = _Interrupt()
     handlers = {}
     if threading.current_thread() is threading.main_thread():
         numbers = {getattr(signal, name, None) for name in ("SIGINT", "SIGTERM", "SIGHUP")}
@@ -133,15 +112,14 @@ def interrupted_by_signals(stop: Callable[[], None]) -> Iterator[_Interrupt]:
         handlers = {number: handler for number, handler in present.items() if handler in ours}
 
     def handle(number: int, _frame: FrameType | None) -> None:
-        stop()
         for each in handlers:  # cleaning up is not to be interrupted again
             signal.signal(each, signal.SIG_IGN)
-        interrupt.come(number)
+        interrupt(number)
 
     for number in handlers:
         signal.signal(number, handle)
     try:
-        yield interrupt
+        yield
     finally:
         for number, handler in handlers.items():
             with suppress(ValueError):  # a generator may be closed by another thread
