@@ -11,7 +11,16 @@ from zlib import crc32
 from msgspec import Struct
 
 from lab3_usd.data import program
-from lab3_usd.model.finding import SEVERITIES, Crash, Finding, NodeCoverage, Report, Score, Severity
+from lab3_usd.model.finding import (
+    SEVERITIES,
+    Crash,
+    Finding,
+    NodeCoverage,
+    Report,
+    Requirement,
+    Score,
+    Severity,
+)
 from lab3_usd.report.safe_text import visible
 
 CHECKLIST_STATES = {
@@ -150,6 +159,14 @@ def hidden_findings(report: Report) -> Iterator[tuple[str, tuple[Finding, ...]]]
     """Yield the findings that a baseline hides of each stage and submission, where there are."""
     yield from ((result.path, result.hidden) for result in report.results if result.hidden)
     yield from ((folder.path, folder.hidden) for folder in report.submissions if folder.hidden)
+
+
+def by_group(requirements: Iterable[Requirement]) -> dict[str, list[Requirement]]:
+    """Return requirements by the graph or part of the scene that they belong to."""
+    groups: dict[str, list[Requirement]] = {}
+    for requirement in requirements:
+        groups.setdefault(requirement.group, []).append(requirement)
+    return groups
 
 
 def severity_counts(findings: Iterable[Finding]) -> dict[Severity, int]:

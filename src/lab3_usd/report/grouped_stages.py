@@ -18,7 +18,6 @@ from lab3_usd.model.finding import (
     SEVERITIES,
     Finding,
     Report,
-    Requirement,
     SectionKey,
     Severity,
     StageResult,
@@ -26,7 +25,7 @@ from lab3_usd.model.finding import (
     Verdict,
     section_key,
 )
-from lab3_usd.report.entries import hidden_text, severity_counts
+from lab3_usd.report.entries import by_group, hidden_text, severity_counts
 
 if TYPE_CHECKING:
     from lab3_usd.spec.lab import Lab
@@ -197,9 +196,6 @@ def _stages(
         file = short_path(result.path, folder)
         number = result.checkpoint or ""
         checkpoint = None if lab is None else lab.checkpoints.get(number)
-        groups: dict[str, list[Requirement]] = {}
-        for requirement in result.requirements:
-            groups.setdefault(requirement.group, []).append(requirement)
         yield Stage(
             index=index,
             label=number if number and times[number] == 1 else file,
@@ -213,7 +209,7 @@ def _stages(
                     asked=len(group),
                     not_judged=sum(not each.judged for each in group),
                 )
-                for name, group in groups.items()
+                for name, group in by_group(result.requirements).items()
             ),
         )
 

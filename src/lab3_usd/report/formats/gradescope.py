@@ -6,9 +6,9 @@ from collections.abc import Collection, Iterator
 from typing import Any
 
 from lab3_usd.errors import UsageError
-from lab3_usd.model.finding import Finding, Report, Requirement, StageResult
+from lab3_usd.model.finding import Finding, Report, StageResult
 from lab3_usd.model.grade import GradeItem
-from lab3_usd.report.entries import crashes, gaps, site, summarize, summary_line
+from lab3_usd.report.entries import by_group, crashes, gaps, site, summarize, summary_line
 from lab3_usd.report.formats.markdown import code, escaped
 from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import json_text
@@ -77,9 +77,7 @@ def _test(item: GradeItem, outputs: dict[str, str]) -> Json:
 def _found(result: StageResult) -> Iterator[tuple[str, str]]:
     """Yield what was found of each group of requirements, and of everything else."""
     title = f"Checkpoint {result.checkpoint}" if result.checkpoint else result.path
-    groups: dict[str, list[Requirement]] = {}
-    for requirement in result.requirements:
-        groups.setdefault(requirement.group, []).append(requirement)
+    groups = by_group(result.requirements)
     left = list(result.findings)
     for group, requirements in groups.items():
         inside = [finding for finding in left if group in finding.prim.split("/")]
