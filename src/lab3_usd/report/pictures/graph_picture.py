@@ -140,7 +140,7 @@ def spec_picture(spec: GraphSpec, *, every_port: bool = False) -> Picture:
     """Return the graph that the spec requires."""
     node_roles = NodeRoles({role: f"{spec.path}/{role}" for role in spec.nodes})
     curves = spec_wires(spec, node_roles)
-    boxes = _role_boxes(spec, node_roles, curves, SiteFindings(), every_port=every_port)
+    boxes = [*_node_boxes(spec, node_roles, curves, SiteFindings(), every_port=every_port)]
     placed = laid_out(tuple(boxes), tuple(curves))
     return on_canvas(
         Picture(spec.name, _counts_text(spec.path, boxes, curves), *placed, path=spec.path)
@@ -172,16 +172,14 @@ def graph_picture(
     node_roles = assigned_roles(spec, roles, graph)
     required = spec_wires(spec, node_roles) if spec is not None and node_roles.box_keys else ()
     curves = judged_wires(required, graph, node_roles, by_site)
-    boxes: list[Box] = []
+    boxes = [*_node_boxes(spec, node_roles, curves, by_site, every_port=every_port, kind=kind)]
     spec_positions: dict[str, Point] = {}
     name = path = ""
     if spec is not None:
         name, path = spec.name, spec.path
-        boxes = _role_boxes(spec, node_roles, curves, by_site, every_port=every_port)
         spec_positions = {key: spec.nodes[role].at for role, key in node_roles.box_keys.items()}
     if graph is not None:
         name, path = name or graph.name, graph.path
-    boxes += _roleless_boxes(boxes, node_roles, curves, by_site, every_port, kind)
     boxes += outside_boxes(graph, boxes, curves)
     boxes = list(position_missing(boxes, curves, spec_positions, frozenset(node_roles.nodes)))
     placed = laid_out(tuple(boxes), tuple(curves))
@@ -207,50 +205,29 @@ def graph_picture(
     )
 
 
-def _role_boxes(
-    spec: GraphSpec,
+def _node_boxes(
+    spec: GraphSpec | None,
     node_roles: NodeRoles,
     curves: Sequence[Curve],
     findings: SiteFindings,
     *,
     every_port: bool,
-) -> list[Box]:
+    kind: Kind = "graph",
+) -> Iterator[Box]:
+    """Yield the boxes of roles in the order of the spec, then those of nodes without a role."""
     arriving, leaving = wire_ends(curves)
-    boxes = []
-    for role, key in node_roles.box_keys.items():
-        node, node_spec = node_roles.nodes.get(key), spec.nodes[role]
-        ports = (arriving.get(key, {}), leaving.get(key, {}))
-        state = findings.state(key)
+    roles = {key: role for role, key in node_roles.box_keys.items()}
+    for key in dict.fromkeys((*roles, *node_roles.nodes)):
+        node_spec = spec.nodes[roles[key]] if spec is not None and key in roles else None
+        node, state = node_roles.nodes.get(key), findings.state(key)
         if key in node_roles.missing:
             state = "missing"
-        elif node is not None and node.type is not node_spec.type:
+        elif node is not None and node_spec is not None and node.type is not node_spec.type:
             state = "wrong"
-        subject = BoxSubject(key, node_spec, node, *ports, findings, every_port)
-        boxes.append(node_box(subject, state))
-    return boxes
-
-
-def _roleless_boxes(
-    boxes: Sequence[Box],
-    node_roles: NodeRoles,
-    curves: Sequence[Curve],
-    findings: SiteFindings,
-    every_port: bool,  # noqa: FBT001 - as `BoxSubject` has them
-    kind: Kind,
-) -> list[Box]:
-    """Return the boxes of nodes without a role."""
-    arriving, leaving = wire_ends(curves)
-    drawn = {box.key for box in boxes}
-    roleless = []
-    for key, node in node_roles.nodes.items():
-        if key in drawn:
-            continue
+        elif roles and key in node_roles.unassigned and state != "wrong":
+            state = "extra"
         ports = (arriving.get(key, {}), leaving.get(key, {}))
-        state = findings.state(key)
-        unused = node_roles.box_keys and key in node_roles.unassigned and state != "wrong"
-        subject = BoxSubject(key, None, node, *ports, findings, every_port, kind)
-        roleless.append(node_box(subject, "extra" if unused else state))
-    return roleless
+        yield node_box(BoxSubject(key, node_spec, node, *ports, findings, every_port, kind), state)
 
 
 def outside_boxes(

@@ -364,17 +364,8 @@ def absent_box(key: str, ports: Sequence[str], reason: str, state: State) -> Box
         Row(port, clip_end(bare_port(port), MOST_TITLE), "out", wired=True, state=state)
         for port in ports
     )
-    return sized(
-        Box(
-            key=key,
-            title=clip_end(key.rpartition("/")[2], MOST_TITLE),
-            subtitle=reason,
-            family="absent",
-            outputs=outputs,
-            state=state,
-            note=key,
-        )
-    )
+    title = clip_end(key.rpartition("/")[2], MOST_TITLE)
+    return sized(Box(key, title, reason, "absent", outputs=outputs, state=state, note=key))
 
 
 def family(node_type: NodeType | None) -> Family:

@@ -238,13 +238,7 @@ def _box(
         for path in publishers
     )
     subtitle = "missing" if state == "missing" else ""
-    return sized(
-        Box(
-            key=name,
-            title=clip_end(name, MOST_TITLE),
-            subtitle=f"{surely} {published_by}" if published_by else subtitle,
-            family="frame",
-            state=state,
-            note="\n".join(publishers),
-        )
-    )
+    subtitle = f"{surely} {published_by}" if published_by else subtitle
+    note = "\n".join(publishers)
+    title = clip_end(name, MOST_TITLE)
+    return sized(Box(name, title, subtitle, family="frame", state=state, note=note))

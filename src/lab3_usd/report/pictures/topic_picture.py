@@ -8,7 +8,16 @@ from lab3_usd.facts.endpoints import Endpoint
 from lab3_usd.model.stage import Node
 from lab3_usd.report.picture.canvas import on_canvas
 from lab3_usd.report.picture.layered import layered
-from lab3_usd.report.picture.model import Box, Curve, End, Picture, clip_end, clip_path, sized
+from lab3_usd.report.picture.model import (
+    Box,
+    Curve,
+    End,
+    Family,
+    Picture,
+    clip_end,
+    clip_path,
+    sized,
+)
 
 MOST_TITLE = 40
 _TOPIC = "topic "  # before a name: no prim has such a path
@@ -49,38 +58,21 @@ def _rate(end: Endpoint) -> str:
     return end.rate if end.runs else "never"
 
 
+def _box(key: str, title: str, subtitle: str, family: Family, note: str) -> Box:
+    return sized(Box(key, clip_end(title, MOST_TITLE), subtitle, family, note=note))
+
+
 def _node_box(end: Endpoint) -> Box:
     path = end.node.path
-    return sized(
-        Box(
-            key=path,
-            title=clip_end(end.node.name, MOST_TITLE),
-            subtitle=clip_path(path.rpartition("/")[0], MOST_TITLE),
-            family="ros",
-            note=f"{path}\n{_rate(end)}",
-        )
-    )
+    above = clip_path(path.rpartition("/")[0], MOST_TITLE)
+    return _box(path, end.node.name, above, "ros", f"{path}\n{_rate(end)}")
 
 
 def _topic_box(topic: str, types: Sequence[str]) -> Box:
-    return sized(
-        Box(
-            key=f"{_TOPIC}{topic}",
-            title=clip_end(topic, MOST_TITLE),
-            subtitle=clip_end(" and ".join(types), MOST_TITLE),
-            family="data",
-            note="\n".join(types),
-        )
-    )
+    subtitle = clip_end(" and ".join(types), MOST_TITLE)
+    return _box(f"{_TOPIC}{topic}", topic, subtitle, "data", "\n".join(types))
 
 
 def _unknown_box(node: Node) -> Box:
-    return sized(
-        Box(
-            key=node.path,
-            title=clip_end(node.name, MOST_TITLE),
-            subtitle=clip_end(f"not judged: {node.type_name}", MOST_TITLE),
-            family="absent",
-            note=f"{node.path}\n{node.type_name}",
-        )
-    )
+    subtitle = clip_end(f"not judged: {node.type_name}", MOST_TITLE)
+    return _box(node.path, node.name, subtitle, "absent", f"{node.path}\n{node.type_name}")
