@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Iterator, Mapping
 from functools import cached_property
 from itertools import chain
 from pathlib import Path
+from typing import TypeVar
 
 from msgspec import Struct
 
@@ -22,6 +23,7 @@ from lab3_usd.stage.compare.scenes import metadata_changes, scene_changes
 from lab3_usd.stage.read.opening import open_stage, stage_errors
 from lab3_usd.stage.read.stage_reader import read_model
 
+_Part = TypeVar("_Part", GraphModel, Node)
 _ALIKE = 0.5  # the share of node types that tells a graph under another name
 
 
@@ -63,7 +65,7 @@ class StagePairs(Struct, frozen=True, dict=True):
 def pair_stages(before: StageModel, after: StageModel) -> StagePairs:
     """Find the graphs and nodes of one stage in another."""
     ours, theirs = _active(before), _active(after)
-    pairs = list(_paired_graphs(ours, theirs))
+    pairs = list(_paired(ours, theirs, lambda graph: graph.path, _alike_graph))
     moved = {
         was.path: now.path
         for was, now in pairs
@@ -85,23 +87,37 @@ def _active(stage: StageModel) -> list[GraphModel]:
     return graphs
 
 
-def _paired_graphs(
-    before: Sequence[GraphModel], after: Sequence[GraphModel]
-) -> Iterator[tuple[GraphModel | None, GraphModel | None]]:
-    left = {graph.path: graph for graph in after}
+def _paired(
+    before: Iterable[_Part],
+    after: Iterable[_Part],
+    path_now: Callable[[_Part], str],
+    twin_of: Callable[[_Part, Collection[_Part]], _Part | None],
+) -> Iterator[tuple[_Part | None, _Part | None]]:
+    """Yield parts of two stages in pairs: by their paths, then by what is alike of the others."""
+    left = {part.path: part for part in after}
     gone = []
-    for graph in before:
-        if graph.path in left:
-            yield graph, left.pop(graph.path)
+    for part in before:
+        if path_now(part) in left:
+            yield part, left.pop(path_now(part))
         else:
-            gone.append(graph)
-    for graph in gone:
-        twin = max(left.values(), key=lambda candidate: _similarity(graph, candidate), default=None)
-        if twin is not None and _similarity(graph, twin) >= _ALIKE:
-            yield graph, left.pop(twin.path)
-        else:
-            yield graph, None
-    yield from ((None, graph) for graph in left.values())
+            gone.append(part)
+    for part in gone:
+        twin = twin_of(part, left.values())
+        yield part, None if twin is None else left.pop(twin.path)
+    yield from ((None, part) for part in left.values())
+
+
+def _alike_graph(graph: GraphModel, others: Collection[GraphModel]) -> GraphModel | None:
+    twin = max(others, key=lambda other: _similarity(graph, other), default=None)
+    return twin if twin is not None and _similarity(graph, twin) >= _ALIKE else None
+
+
+def _alike_node(node: Node, others: Collection[Node]) -> Node | None:
+    return max(
+        (other for other in others if other.type_name == node.type_name),
+        key=lambda other: sum(other.state(name) == own for name, own in node.ports.items()),
+        default=None,
+    )
 
 
 def _similarity(before: GraphModel, after: GraphModel) -> float:
@@ -119,31 +135,12 @@ def _graph_pair(
         added = [(None, node) for node in after.nodes] if after is not None else []
         return GraphPair(before, after, (*nodes, *added))
     folder = moved.get(before.path, before.path)
-    return GraphPair(before, after, tuple(_paired_nodes(before, after.nodes, folder)))
 
+    def path_now(node: Node) -> str:
+        return folder + node.path.removeprefix(before.path)
 
-def _paired_nodes(
-    before: GraphModel, after: Iterable[Node], folder: str
-) -> Iterator[tuple[Node | None, Node | None]]:
-    left = {node.path: node for node in after}
-    gone = []
-    for node in before.nodes:
-        path = folder + node.path.removeprefix(before.path)
-        if path in left:
-            yield node, left.pop(path)
-        else:
-            gone.append(node)
-    for node in gone:
-        same_type = [
-            candidate for candidate in left.values() if candidate.type_name == node.type_name
-        ]
-        twin = max(
-            same_type,
-            key=lambda other: sum(other.state(name) == own for name, own in node.ports.items()),
-            default=None,
-        )
-        yield node, None if twin is None else left.pop(twin.path)
-    yield from ((None, node) for node in left.values())
+    pairs = _paired(before.nodes, after.nodes, path_now, _alike_node)
+    return GraphPair(before, after, tuple(pairs))
 
 
 _TYPE, _VERSION, _NAMESPACE = "node:type", "node:typeVersion", "isaac:namespace"
