@@ -190,11 +190,7 @@ _CODES = {"/": "--", ":": "-c-"}
 @lru_cache(maxsize=4096)
 def _encoded(text: str) -> str:
     # After a `-` comes `-`, `c-` or `x`: the code can be read back, so it is never ambiguous.
-    return re.sub(r"[^A-Za-z0-9_]", _code_of, text)
-
-
-def _code_of(sign: re.Match[str]) -> str:
-    return _CODES.get(sign[0], f"-x{ord(sign[0]):x}-")
+    return re.sub(r"[^A-Za-z0-9_]", lambda sign: _CODES.get(sign[0], f"-x{ord(sign[0]):x}-"), text)
 
 
 # Widths in ems, by the letters of that width, rounded up from the widest of the usual fonts.

@@ -33,12 +33,20 @@ def topics_picture(
     """
     ends = [end for end in endpoints if end.topic is not None]
     refused = len(endpoints) - len(ends)
-    boxes = [_node_box(end) for end in {end.node.path: end for end in ends}.values()]
+    boxes = []
+    for path, end in {end.node.path: end for end in ends}.items():
+        above = clip_path(path.rpartition("/")[0], MOST_TITLE)
+        boxes.append(_box(path, end.node.name, above, "ros", f"{path}\n{_rate(end)}"))
     types: dict[str | None, dict[str, None]] = {}
     for end in ends:
         types.setdefault(end.topic, {})[end.type or "?"] = None
-    boxes += [_topic_box(str(topic), [*type_names]) for topic, type_names in types.items()]
-    boxes += [_unknown_box(node) for node in unknown]
+    for name, names in types.items():
+        subtitle = clip_end(" and ".join(names), MOST_TITLE)
+        boxes.append(_box(f"{_TOPIC}{name}", str(name), subtitle, "data", "\n".join(names)))
+    for absent in unknown:
+        subtitle = clip_end(f"not judged: {absent.type_name}", MOST_TITLE)
+        note = f"{absent.path}\n{absent.type_name}"
+        boxes.append(_box(absent.path, absent.name, subtitle, "absent", note))
     curves = []
     for end in ends:
         node, topic = End(end.node.path, ""), End(f"{_TOPIC}{end.topic}", "")
@@ -60,19 +68,3 @@ def _rate(end: Endpoint) -> str:
 
 def _box(key: str, title: str, subtitle: str, family: Family, note: str) -> Box:
     return sized(Box(key, clip_end(title, MOST_TITLE), subtitle, family, note=note))
-
-
-def _node_box(end: Endpoint) -> Box:
-    path = end.node.path
-    above = clip_path(path.rpartition("/")[0], MOST_TITLE)
-    return _box(path, end.node.name, above, "ros", f"{path}\n{_rate(end)}")
-
-
-def _topic_box(topic: str, types: Sequence[str]) -> Box:
-    subtitle = clip_end(" and ".join(types), MOST_TITLE)
-    return _box(f"{_TOPIC}{topic}", topic, subtitle, "data", "\n".join(types))
-
-
-def _unknown_box(node: Node) -> Box:
-    subtitle = clip_end(f"not judged: {node.type_name}", MOST_TITLE)
-    return _box(node.path, node.name, subtitle, "absent", f"{node.path}\n{node.type_name}")
