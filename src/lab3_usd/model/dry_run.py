@@ -12,7 +12,7 @@ from msgspec.structs import replace
 
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.model.occupancy import MapFit
-from lab3_usd.model.physics import GRAVITY_DIRECTION, SCENE, vector
+from lab3_usd.model.physics import BODIES, GRAVITY_DIRECTION, SCENE, vector
 from lab3_usd.model.transforms import Vector, length
 
 Quaternion = tuple[float, float, float, float]  # w, x, y, z
@@ -193,6 +193,12 @@ class ScenePrim(Struct, frozen=True):
     targets: dict[str, tuple[str, ...]]
     seen: bool
     loose: bool = False  # `!resetXformStack!`: it does not go with what is above it
+
+    @property
+    def ends(self) -> tuple[str, str]:
+        """The prims that a joint ties, '' for the world."""
+        first, second = (next(iter(self.targets.get(name, ())), "") for name in BODIES)
+        return first, second
 
 
 class Scene(Struct, frozen=True, dict=True):

@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from typing import get_args
 
 from lab3_usd.model.dry_run import AXES, HERE, Affine, Scene, ScenePrim, rotation
-from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, hindrance, read_drive
+from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, JointCommand, hindrance, read_drive
 from lab3_usd.model.physics import EXCLUDED, KINEMATIC, SCENE, joint_limits, number, still_by
 from lab3_usd.physics.machine import FIXED, HINGE, JOINTS, Joint, Machine
 
@@ -24,6 +24,11 @@ def is_dynamic(prim: ScenePrim) -> bool:
 def is_kinematic(prim: ScenePrim) -> bool:
     """Whether a prim is a body that nothing moves."""
     return BODY in prim.apis and prim.values.get(KINEMATIC) is True
+
+
+def has_drive(prim: ScenePrim) -> bool:
+    """Whether a joint has a drive."""
+    return any(api.startswith(f"{DRIVE}:") for api in prim.apis)
 
 
 def has_collision(prim: ScenePrim) -> bool:
@@ -60,11 +65,10 @@ class Bodies:
         on = prim.values.get("physics:jointEnabled") is not False
         if prim.type not in JOINTS or not on:
             return None
-        ends = [prim.targets.get(f"physics:body{number}", ()) for number in (0, 1)]
-        if any(end and end[0] not in self.scene.prims for end in ends):
+        if any(end and end not in self.scene.prims for end in prim.ends):
             return None  # PhysX makes no joint to a prim that is not there
-        bodies = [self.of(end[0]) if end else "" for end in ends]
-        still = (self._kinematic(end[0]) for end in ends if end)
+        first, second = map(self.of, prim.ends)
+        still = map(self._kinematic, prim.ends)
         drive = read_drive(prim.type, prim.apis, prim.values)
         force = math.inf if drive.force is None else drive.force
         is_driven = prim.type in DRIVEN_AXES and drive.api != "" and force > 0
@@ -81,8 +85,8 @@ class Bodies:
         return Joint(
             prim.path.rpartition("/")[2],
             prim.type,
-            (bodies[0], bodies[1]),
-            (self._frame(prim, 0, ends[0], bodies[0]), self._frame(prim, 1, ends[1], bodies[1])),
+            (first, second),
+            (self._frame(prim, 0, first), self._frame(prim, 1, second)),
             AXES[{"Y": 1, "Z": 2}.get(str(prim.values.get("physics:axis")), 0)],
             stiffness,
             damping,
@@ -113,11 +117,12 @@ class Bodies:
         bodies = (prim.path for prim in self.scene.above(path) if is_kinematic(prim))
         return next(bodies, "")
 
-    def _frame(self, prim: ScenePrim, number: int, ends: tuple[str, ...], body: str) -> Affine:
+    def _frame(self, prim: ScenePrim, number: int, body: str) -> Affine:
         """Return the frame of a joint in its body, without scale."""
         at = prim.values.get(f"physics:localPos{number}") or (0.0, 0.0, 0.0)
         turn = rotation(prim.values.get(f"physics:localRot{number}") or (1.0, 0.0, 0.0, 0.0))
-        target = self.scene.prims[ends[0]].world if ends else HERE
+        end = prim.ends[number]
+        target = self.scene.prims[end].world if end else HERE
         inside = target.then(Affine(turn, at))
         owner = self.prims[body].world.rigid() if body else HERE
         return owner.inverse().then(inside).rigid()

@@ -132,9 +132,10 @@ class Machines:
         for prim in self.scene.below(path) if path else ():
             enabled = prim.values.get("physxArticulation:articulationEnabled") is not False
             if ROOT in prim.apis and enabled:
-                ends = (prim.targets.get(f"physics:body{number}", ()) for number in (1, 0))
-                tied = [body for end in ends for body in end]
-                bodies = [*tied, *(below.path for below in self.scene.below(prim.path))]
+                bodies = [
+                    *reversed(prim.ends),
+                    *(below.path for below in self.scene.below(prim.path)),
+                ]
                 machines = [self.member[body] for body in bodies if body in self.member]
                 moving = (machine for machine in machines if machine.joints)
                 return next(moving, next(iter(machines), None))

@@ -12,7 +12,7 @@ from msgspec import Struct
 
 from lab3_usd.model.dry_run import AXES, ScenePrim
 from lab3_usd.model.solids import Solid, across, solid_of
-from lab3_usd.model.transforms import Vector, box_of, cross, dot, length, minus
+from lab3_usd.model.transforms import Vector, box_of, cross, dot, length, minus, scaled
 from lab3_usd.physics.surfaces import Surface, placed_surface
 
 DEEP = 5e-3  # metres from which on it counts
@@ -94,12 +94,12 @@ def depth_of(first: Solid, second: Solid) -> float:
     step = 0.5
     for _ in range(_ROUNDS):
         _, gap = _along(way, first, second)
-        aside = minus(gap, _times(dot(gap, way), way))
+        aside = minus(gap, scaled(way, dot(gap, way)))
         size = length(aside)
         if size < 1e-9:  # noqa: PLR2004
             break
-        turned = minus(way, _times(step / size, aside))
-        turned = _times(1 / (length(turned) or 1.0), turned)
+        turned = minus(way, scaled(aside, step / size))
+        turned = scaled(turned, 1 / (length(turned) or 1.0))
         depth, _ = _along(turned, first, second)
         if depth <= 0:
             return 0.0
@@ -117,10 +117,6 @@ def _along(direction: Vector, first: Solid, second: Solid) -> tuple[float, Vecto
     return dot(gap, direction), gap
 
 
-def _times(factor: float, vector: Vector) -> Vector:
-    return (factor * vector[0], factor * vector[1], factor * vector[2])
-
-
 def _directions(first: Solid, second: Solid) -> Iterator[Vector]:
     """Yield the directions in which two shapes may be nearest to being apart, of length 1."""
     centres = minus(second.centre, first.centre)
@@ -128,7 +124,7 @@ def _directions(first: Solid, second: Solid) -> Iterator[Vector]:
     for solid in (first, second):
         points = solid.points
         if solid.axis is not None:
-            ways += [solid.axis, minus(centres, _times(dot(centres, solid.axis), solid.axis))]
+            ways += [solid.axis, minus(centres, scaled(solid.axis, dot(centres, solid.axis)))]
             ways += across(solid.axis)
         elif solid.kind == "Cube":
             ways += [minus(points[k], points[0]) for k in (4, 2, 1)]
@@ -137,5 +133,5 @@ def _directions(first: Solid, second: Solid) -> Iterator[Vector]:
     for way in ways:
         size = length(way)
         if size > 1e-12:  # noqa: PLR2004
-            yield _times(1 / size, way)
-            yield _times(-1 / size, way)
+            yield scaled(way, 1 / size)
+            yield scaled(way, -1 / size)

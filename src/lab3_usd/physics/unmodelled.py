@@ -7,18 +7,18 @@ from collections.abc import Callable, Iterator, Mapping
 from typing import TYPE_CHECKING, Any
 
 from lab3_usd.model.dry_run import Scene, ScenePrim
-from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES
+from lab3_usd.model.joint_drives import DRIVEN_AXES
 from lab3_usd.model.physics import SCENE, UNSET, numbers, vector
 from lab3_usd.model.prims import is_at_or_below
 from lab3_usd.model.transforms import box_of, length, minus
-from lab3_usd.physics.bodies import has_collision
+from lab3_usd.physics.bodies import OWNER, has_collision, has_drive
 from lab3_usd.physics.machine import HINGE, JOINTS, Joint, Machine
 
 if TYPE_CHECKING:
     from lab3_usd.physics.machines import Machines
 
 _GROUP = "PhysicsCollisionGroup"
-_OWNER, _PAIRS = "physics:simulationOwner", "physics:filteredPairs"
+_PAIRS = "physics:filteredPairs"
 _FILTERED, _INVERTED = "physics:filteredGroups", "physics:invertFilteredGroups"
 _COLLIDERS = "collection:colliders:"
 _SPEED = "physxJoint:maxJointVelocity"
@@ -119,13 +119,11 @@ def _bad(prim: ScenePrim, table: Mapping[str, Harmless]) -> Iterator[tuple[str, 
 
 
 def _of_joint(prim: ScenePrim, machines: Machines, robot: Machine) -> Iterator[tuple[str, str]]:
-    ends = [prim.targets.get(f"physics:body{number}", ()) for number in (0, 1)]
-    if not any(end and machines.body_of(end[0]) in robot.rest for end in ends):
+    if not any(machines.body_of(end) in robot.rest for end in prim.ends):
         return
     if prim.values.get("physics:jointEnabled") is False:
         return
-    drives = [api for api in prim.apis if api.startswith(f"{DRIVE}:")]
-    if drives and prim.type in JOINTS and prim.type not in DRIVEN_AXES:
+    if has_drive(prim) and prim.type in JOINTS and prim.type not in DRIVEN_AXES:
         yield prim.path, f"{prim.type} with a drive, whose axes are not played"
     yield from _bad(prim, _JOINT)
     for name in (name for name, at in prim.targets.items() if name.startswith(_MIMIC) and at):
@@ -190,10 +188,10 @@ def _owned(scene: Scene, prims: list[ScenePrim]) -> Iterator[tuple[str, str]]:
     """Yield what belongs to a scene that the rest does not; of several nobody says which."""
     scenes = [prim.path for prim in scene.prims.values() if prim.type == SCENE]
     usual = scenes[0] if len(scenes) == 1 else ""
-    owners = {prim.path: (prim.targets.get(_OWNER) or (usual,))[0] for prim in prims}
+    owners = {prim.path: (prim.targets.get(OWNER) or (usual,))[0] for prim in prims}
     for path, owner in owners.items() if len(set(owners.values())) > 1 else ():
         if owner != usual:
-            yield path, f"{_OWNER} is {owner}"
+            yield path, f"{OWNER} is {owner}"
 
 
 Covers = Callable[[str], bool]

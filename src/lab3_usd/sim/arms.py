@@ -16,9 +16,9 @@ from msgspec.structs import replace
 from lab3_usd.isaac.topics import TRANSFORMS
 from lab3_usd.model.dry_run import Affine, Check, Scene
 from lab3_usd.model.fault import FaultKind
-from lab3_usd.model.joint_drives import DRIVE, DRIVEN_AXES, JointCommand, moving_command
+from lab3_usd.model.joint_drives import DRIVEN_AXES, JointCommand, moving_command
 from lab3_usd.model.physics import FAR, JOINT_ENABLED
-from lab3_usd.physics.bodies import is_kinematic
+from lab3_usd.physics.bodies import has_drive, is_kinematic
 from lab3_usd.physics.loads import Burden, burdens
 from lab3_usd.physics.machine import FIXED, HINGE, SLIDER, Joint, Machine
 from lab3_usd.physics.machine import JOINTS as JOINT_TYPES
@@ -27,7 +27,7 @@ from lab3_usd.sim.execution.node_instance import NodeInstance
 from lab3_usd.sim.execution.recording import Held, JointStates, Message, Odometry
 from lab3_usd.sim.execution.world import World
 from lab3_usd.sim.judge.checks import verdict
-from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, in_root
+from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, agree, caused, in_root
 from lab3_usd.sim.mounting import carried_streams, held_frames
 from lab3_usd.sim.nodes.transforms import frame_name
 
@@ -80,7 +80,7 @@ def reach_of(
     wheels = {
         name
         for name, joint in articulated.items()
-        if untold.get(name) in _ROLLING and _has_drive(world.scene.prims[joint.path].apis)
+        if untold.get(name) in _ROLLING and has_drive(world.scene.prims[joint.path])
     }
     with_wheels = tuple(name for name in names if name in told or name in wheels)
     if kind != "position" and _commanded(machine, with_wheels, controller) == "velocity":
@@ -132,7 +132,7 @@ def _left_alone(
             yield name, "it follows another joint"
         elif not machine.held and _turns_freely(joint, machine, world):
             yield name, _ROLLING[1]
-        elif not is_chain and not _has_drive(prim.apis):
+        elif not is_chain and not has_drive(prim):
             yield name, "a closed chain moves it"
 
 
@@ -146,26 +146,15 @@ def _turns_freely(joint: Joint, machine: Machine, world: World) -> bool:
     carries = any(other is not joint and link in other.bodies for other in machine.parents.values())
     is_endless = joint.limits[1] - joint.limits[0] > math.radians(FAR) and joint.stiffness <= 0
     is_loose = joint.kind == HINGE and is_endless and has_shape
-    return is_loose and not (carries and _has_drive(world.scene.prims[joint.path].apis))
-
-
-def _has_drive(apis: Collection[str]) -> bool:
-    return any(api.startswith(f"{DRIVE}:") for api in apis)
-
-
-def _ends(path: str, world: World) -> list[str]:
-    """Return the bodies that a joint ties, '' for the world."""
-    targets = world.scene.prims[path].targets
-    ends = (targets.get(f"physics:body{number}", ()) for number in (0, 1))
-    return [world.machines.body_of(end[0]) if end else "" for end in ends]
+    return is_loose and not (carries and has_drive(world.scene.prims[joint.path]))
 
 
 def _has_loop(machine: Machine, world: World) -> bool:
     """Whether joints of a robot close a chain; a second one of two bodies only locks them."""
     pairs = set()
-    for path, prim in world.scene.prims.items():
+    for prim in world.scene.prims.values():
         if prim.type in JOINT_TYPES and prim.type != FIXED:
-            ends = frozenset(_ends(path, world))
+            ends = frozenset(map(world.machines.body_of, prim.ends))
             if prim.values.get(JOINT_ENABLED) is not False and ends <= machine.rest.keys():
                 pairs.add(ends)
     tree = {frozenset(joint.bodies) for joint in machine.parents.values()}
@@ -183,17 +172,12 @@ def _missing(machine: Machine, world: World) -> Iterator[str]:
         name = path.rpartition("/")[2]
         if prim.type not in DRIVEN_AXES or name in machine.articulated:
             continue
-        ends = _ends(path, world)
+        ends = [*map(world.machines.body_of, prim.ends)]
         is_off = prim.values.get(JOINT_ENABLED) is False and not {*ends} <= machine.rest.keys()
         is_excluded = name in machine.joints and machine.joints[name].path == path
         is_own = any(end in machine.rest for end in ends)
-        is_cut = any(
-            is_kinematic(above)
-            for number in (0, 1)
-            for end in prim.targets.get(f"physics:body{number}", ())
-            for above in world.scene.above(end)
-        )
-        if is_own and _has_drive(prim.apis) and (is_off or is_excluded or is_cut):
+        is_cut = any(is_kinematic(above) for end in prim.ends for above in world.scene.above(end))
+        if is_own and has_drive(prim) and (is_off or is_excluded or is_cut):
             yield name
 
 
@@ -315,12 +299,8 @@ def joints(trial: Trial, session: int, machine: Machine, controller: str) -> Ite
             yield RunFault(off + trial.when([session]), "joint-off-target", joint.path, speed)
         elif off or (command == "effort" and stopped is not None and stopped.kind is not None):
             off = off or f"{name} does not follow its commands"
-            text, cause = off + trial.when([session]), stopped
-            if cause is None:
-                yield RunFault(text, "joint-off-target")
-                continue
-            yield RunFault(text, cause.kind or "joint-off-target", cause.prim, cause.reason)
-            if cause.kind is not None:
+            yield caused(off + trial.when([session]), "joint-off-target", stopped)
+            if stopped is not None and stopped.kind is not None:
                 return  # which keeps all joints
 
 
@@ -374,8 +354,7 @@ def shown_prims(trial: Trial, node: str) -> dict[str, str]:
 
     Those that they are relative to are left out.
     """
-    causes = trial.causes
-    running = causes.program.nodes.get(node) if causes is not None else None
+    running = trial.nodes.get(node)
     return {
         prim: feeding.path
         for feeding in (running.feeding if running is not None else ())

@@ -129,9 +129,9 @@ def _joint_parents(scene: Scene, robot: ScenePrim) -> dict[str, str]:
         joint = scene.prims.get(path)
         if joint is not None and joint.values.get(EXCLUDED) is True:
             continue  # robot_schema.h:638
-        ends = [joint.targets.get(f"physics:body{n}", ()) for n in (0, 1)] if joint else [(), ()]
-        if ends[0] and ends[1]:
-            parents[ends[1][0]] = ends[0][0]
+        above, below = joint.ends if joint is not None else ("", "")
+        if above and below:
+            parents[below] = above
     return parents
 
 

@@ -248,7 +248,7 @@ def holonomic_setup(node: NodeInstance, world: World) -> bool:
     centre = world.machines.place(paths[1] if paths[1] in prims else paths[0])
     frames = []
     for joint in joints:
-        chassis = world.machines.place(next(iter(joint.targets.get("physics:body0", ())), ""))
+        chassis = world.machines.place(joint.ends[0])
         turn = rotation(joint.values.get("physics:localRot0") or (1.0, 0.0, 0.0, 0.0))
         at = joint.values.get("physics:localPos0") or (0.0, 0.0, 0.0)
         frames.append(chassis.then(Affine(turn, at)))
