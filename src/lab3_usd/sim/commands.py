@@ -203,10 +203,8 @@ def _turns_about_a_point(trial: Trial, robot: Robot) -> Iterator[RunFault]:
 
 def _given_motion(trial: Trial, robot: Robot) -> tuple[Vector, ...]:
     """Return what motion the controller of a robot on rollers gives, nothing where that is open."""
-    if trial.causes is None:
-        return ()
-    nodes = trial.causes.program.nodes
-    feeding = (node.path for path in robot.controllers for node in nodes[path].feeding)
+    controllers = (trial.nodes[path] for path in robot.controllers)
+    feeding = (node.path for controller in controllers for node in controller.feeding)
     gives = trial.recording.gives
     return next((gives[path] for path in feeding if path in gives), ())
 

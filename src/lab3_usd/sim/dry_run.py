@@ -83,8 +83,8 @@ def _by_itself(played: Played) -> DryRun:
     if played.robots:
         return run
     causes, behaviour = played.plays[0].trial.causes, run.behaviour
-    nodes = causes.program.nodes.values() if causes is not None else ()
-    is_commanded = any(node.type.drives is not None or hears_commands(node.type) for node in nodes)
+    types = [node.type for node in played.plays[0].trial.nodes.values()]
+    is_commanded = any(kind.drives is not None or hears_commands(kind) for kind in types)
     why = "no robot was found: no bodies that joints hold together"
     if causes is not None and causes.robot is not None:
         why = "no ROS command reaches the joints of a robot"

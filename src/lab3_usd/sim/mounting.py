@@ -122,9 +122,13 @@ def _of_another(message: Message, sensor: str, off: Affine, scene: Scene) -> Run
         # To the right of the camera whose frame it has, as in a stereo pair.
         if is_beside and agree(Affine(off.rows), Affine()):
             return None
-    kind: FaultKind = "misplaced-camera-frame" if camera else "scan-off-walls"
     text = f"{message.topic} is in {message.frame}, the frame of {named[0].path}, and shows"
-    return RunFault(f"{text} {sensor}", kind, message.node)
+    return _off_frame(f"{text} {sensor}", message, is_camera=camera)
+
+
+def _off_frame(text: str, message: Message, *, is_camera: bool) -> RunFault:
+    kind: FaultKind = "misplaced-camera-frame" if is_camera else "scan-off-walls"
+    return RunFault(text, kind, message.node)
 
 
 def _of_another_robot(
@@ -138,10 +142,7 @@ def _of_another_robot(
     ]
     if named and not any(is_within(path, machine.rest) for path in named):
         text = f"{message.topic} is in {message.frame}, the frame of {named[0]}, and shows {sensor}"
-        is_camera = scene.prims[sensor].type == "Camera"
-        yield RunFault(
-            text, "misplaced-camera-frame" if is_camera else "scan-off-walls", message.node
-        )
+        yield _off_frame(text, message, is_camera=scene.prims[sensor].type == "Camera")
 
 
 def _turned(message: Message, sensor: str, off: Affine) -> RunFault | None:
@@ -149,10 +150,8 @@ def _turned(message: Message, sensor: str, off: Affine) -> RunFault | None:
     is_cloud = message.type == POINTS or isinstance(message.data, Scan)
     if not is_cloud or abs(off.rigid().quaternion()[0]) > _TURNED:
         return None
-    is_camera = isinstance(message.data, View)
-    kind: FaultKind = "misplaced-camera-frame" if is_camera else "scan-off-walls"
     text = f"{message.frame} is turned against the points of {message.topic}, which {sensor} sees"
-    return RunFault(text, kind, message.node)
+    return _off_frame(text, message, is_camera=isinstance(message.data, View))
 
 
 def pairs(trial: Trial) -> Iterator[RunFault]:

@@ -10,7 +10,7 @@ from lab3_usd.model.qos import unmatched
 from lab3_usd.sim.commands import domain_of
 from lab3_usd.sim.execution.recording import Message
 from lab3_usd.sim.execution.world import NOT_OPENED, SUBSCRIBER
-from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial
+from lab3_usd.sim.judge.expectations import Cause, RunFault, Trial, caused
 
 STUCK = 0.1  # part of the stamps of a node that may be no later than the ones before
 PUBLISHING = ("publisher", "helper")
@@ -22,7 +22,7 @@ def unheard_clock(seen: Trial, topics: Collection[tuple[str, int, str]]) -> Iter
     rclcpp subscribes to /clock in no namespace (rclcpp/src/rclcpp/time_source.cpp, humble).
     """
     message = seen.recording.messages[0]
-    node = seen.causes.program.nodes.get(message.node) if seen.causes is not None else None
+    node = seen.nodes.get(message.node)
     usual = node.type.port(node.type.topics[0]) if node is not None else None
     heard = f"/{usual.default}" if usual is not None else message.topic
     if message.topic != heard and (CLOCK, seen.wanted.domain, heard) not in topics:
@@ -76,8 +76,7 @@ def published(trial: Trial) -> Iterator[RunFault]:
         if cause is None:
             yield RunFault(f"{path} sends nothing", "silent-topic", path, sure=False)
         else:
-            kind = cause.kind or "silent-topic"
-            yield RunFault(f"{path} sends nothing", kind, cause.prim, cause.reason)
+            yield caused(f"{path} sends nothing", "silent-topic", cause)
     for path, reason in unplayed(trial):
         yield RunFault(f"{path}: not simulated is {reason}", "silent-topic", path, sure=False)
 

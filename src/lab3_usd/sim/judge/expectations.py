@@ -17,6 +17,7 @@ from lab3_usd.sim.execution.drive import NO_LIMITS, RATE, Leg, Session
 from lab3_usd.sim.execution.recording import Held, Message, Pose, Recording, Scan
 
 if TYPE_CHECKING:
+    from lab3_usd.sim.execution.node_instance import NodeInstance
     from lab3_usd.sim.judge.causes import RunCauses
 
 SIZE = (0.6, 1.5)  # how much of a command a robot with mass that follows it may do
@@ -128,6 +129,13 @@ class RunFault(NamedTuple):
     sure: bool = True
 
 
+def caused(message: str, kind: FaultKind, cause: Cause | None) -> RunFault:
+    """Return a fault with its cause, where that is known, which may be of a kind of its own."""
+    if cause is None:
+        return RunFault(message, kind)
+    return RunFault(message, cause.kind or kind, cause.prim, cause.reason)
+
+
 class Stretch(NamedTuple):
     """A leg, the pose before it, and the poses in it."""
 
@@ -187,6 +195,11 @@ class Trial(Struct):
     own_checks: dict[str, Look] = {}
 
     @property
+    def nodes(self) -> Mapping[str, NodeInstance]:
+        """The nodes that run, none of a recording."""
+        return {} if self.causes is None else self.causes.program.nodes
+
+    @property
     def room(self) -> tuple[Segment, ...]:
         """What stands still, cut at the height of the lidar; nothing where that is unknown."""
         return self.cut_room()
@@ -208,10 +221,7 @@ class Trial(Struct):
 
     def motion_fault(self, message: str, kind: FaultKind) -> RunFault:
         """Return a fault of how the robot moves, with its cause."""
-        cause = self.causes.of_motion() if self.causes is not None else None
-        if cause is None:
-            return RunFault(message, kind)
-        return RunFault(message, cause.kind or kind, cause.prim, cause.reason)
+        return caused(message, kind, self.causes.of_motion() if self.causes is not None else None)
 
     def follows(self, driven: float, commanded: float, *, turning: bool = False) -> bool:
         """Whether the robot does what it is commanded, by the wheels that it has."""

@@ -6,7 +6,7 @@ import math
 from collections import Counter, defaultdict
 from collections.abc import Iterable, Iterator, Sequence
 from heapq import nlargest
-from typing import Any, NamedTuple
+from typing import NamedTuple
 
 from msgspec.structs import replace
 
@@ -109,8 +109,7 @@ def _unmet(trial: Trial, grid: OccupancyMap, located: Located) -> float:
 
 
 def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
-    """Yield the rays of each scan; those of a robot that stands are the same object."""
-    by_place: dict[tuple[Any, ...], list[Ray]] = {}
+    """Yield the rays of each scan that returned, with when it came."""
     for message in trial.recording.topic(trial.wanted.scan, 0):
         scan = message.data
         if not isinstance(scan, Scan) or not scan.whole:
@@ -118,11 +117,9 @@ def _rays(trial: Trial) -> Iterator[tuple[float, Sequence[Ray]]]:
         place = in_root(trial, message.frame, message)
         if place is None:
             continue
-        key = (place, scan.angle_min, scan.angle_increment, tuple(scan.ranges))
-        if key not in by_place:
-            by_place[key] = [*_followed(scan, place)]
-        if by_place[key]:
-            yield message.at, by_place[key]
+        rays = [*_followed(scan, place)]
+        if rays:
+            yield message.at, rays
 
 
 def _followed(scan: Scan, place: Affine) -> Iterator[Ray]:
@@ -146,34 +143,18 @@ def _in_map(scans: Rays, located: Located) -> Iterator[tuple[Sequence[Ray], Affi
 
 def _fit(scans: Rays, grid: OccupancyMap, near: frozenset[Cell], located: Located) -> MapFit:
     ends: list[_End] = []
-    through = 0
-    laid: dict[tuple[int, Affine], tuple[list[_End], int]] = {}
+    through, cell = 0, grid.cells()
     for rays, place in _in_map(scans, located):
-        key = (id(rays), place)
-        if key not in laid:
-            laid[key] = _laid(rays, grid, near, place)
-        ends += laid[key][0]
-        through += laid[key][1]
+        for ray in rays:
+            x, y, _ = place.point(ray.end)
+            ends.append((x, y, cell(x, y) in near))
+            if ray.length > _SHORT * grid.resolution:
+                x, y, _ = place.point(ray.middle)
+                through += cell(x, y) in grid.walls
     met = sum(is_met for _, _, is_met in ends)
     count = len(ends)
     drawn = tuple(ends[:: max(1, count // _DRAWN)])
     return MapFit(grid, count, met / max(1, count), through / max(1, count), drawn)
-
-
-def _laid(
-    rays: Sequence[Ray], grid: OccupancyMap, near: frozenset[Cell], place: Affine
-) -> tuple[list[_End], int]:
-    """Return where rays end in the map and which meet a wall, and how many come through one."""
-    (a, b, c), (d, e, f), _ = place.rows
-    u, v, _ = place.origin
-    cell, ends, through = grid.cells(), [], 0
-    for (x, y, z), (p, q, r), length in rays:
-        right, up = a * x + b * y + c * z + u, d * x + e * y + f * z + v
-        ends.append((right, up, cell(right, up) in near))
-        if length > _SHORT * grid.resolution:
-            middle = cell(a * p + b * q + c * r + u, d * p + e * q + f * r + v)
-            through += middle in grid.walls
-    return ends, through
 
 
 def _shifted(best: MapFit, scans: Rays, near: frozenset[Cell], located: Located) -> MapFit:

@@ -16,7 +16,7 @@ from lab3_usd.isaac.topics import STATIC
 from lab3_usd.model.fault import FaultKind
 from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import Message
-from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial
+from lab3_usd.sim.judge.expectations import Expected, RunFault, Trial, caused
 from lab3_usd.spec.contradictions.names import graph_topics, spec_value
 from lab3_usd.spec.graph import GraphSpec, NodeSpec
 from lab3_usd.spec.lab import Checkpoint, Lab
@@ -292,10 +292,7 @@ def topics(trial: Trial) -> Iterator[RunFault]:
         if silent:
             text = f"nothing on {topic}{trial.when(silent)}"
             cause = trial.causes.of_silence(topic, kind) if trial.causes is not None else None
-            if cause is None:
-                yield RunFault(text, "silent-topic")
-            else:
-                yield RunFault(text, cause.kind or "silent-topic", cause.prim, cause.reason)
+            yield caused(text, "silent-topic", cause)
         messages = recording.topic(topic)
         odd = next((message for message in messages if message.type != kind), None)
         if odd is not None:
