@@ -46,7 +46,7 @@ from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 
 from lab3_usd.features.live import dds as link_module
-from lab3_usd.features.live.dds import DdsLink, Lived, play_live, wire_type
+from lab3_usd.features.live.dds import DdsLink, play_live, wire_type
 
 TRIED = itertools.count()
 PEERS = Path(__file__).parent / "live_peer"
@@ -208,9 +208,9 @@ def test_so_does_ros_2_itself(tmp_path: Path) -> None:
 
 
 def test_without_a_command_it_stands(player: Player, link: DdsLink) -> None:
-    lived = play_live(player, link, lambda frames: frames >= 30)
-    assert (lived.played, lived.commands) == (0.5, 0)
-    assert {kind for _, kind, _ in lived.sent} == set(WIRE_NAMES)
+    played, _ = play_live(player, link, lambda frames: frames >= 30)
+    assert (played, player.world.network.count) == (0.5, 0)
+    assert {kind for _, kind, _ in link.sent} == set(WIRE_NAMES)
     assert player.robot is not None
     assert player.robot.posture().base.origin[:2] == pytest.approx((1.8, 0.0), abs=1e-6)
     assert player.world.network.sent == []
@@ -291,17 +291,17 @@ def test_what_is_in_another_domain_is_sent_there(link: DdsLink) -> None:
     other = link.home + 90
     stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", other]}])
     player = player_of(read_scene(stage, load_platform()), the_lab().platform, EXPECTED)
-    lived = play_live(player, link, lambda frames: frames >= 3)
-    assert [*lived.sent] == [("/clock", "rosgraph_msgs/msg/Clock", other)]
+    play_live(player, link, lambda frames: frames >= 3)
+    assert [*link.sent] == [("/clock", "rosgraph_msgs/msg/Clock", other)]
 
 
 def test_a_domain_that_dds_does_not_have_is_said(link: DdsLink) -> None:
     stage = broken("01", [{"set": ["ROS_Clock/ros2_context.inputs:domain_id", 250]}])
     player = player_of(read_scene(stage, load_platform()), the_lab().platform, EXPECTED)
-    lived = play_live(player, link, lambda frames: frames >= 3)
-    assert not lived.sent
+    times = play_live(player, link, lambda frames: frames >= 3)
+    assert not link.sent
     failed = "failed: /World/ROS_Clock/ros2_publish_clock: ROS 2 has no domain 250"
-    assert failed in [*closing_lines(lived)]
+    assert failed in [*closing_lines(player, link, *times)]
 
 
 def test_ctrl_c_ends_it_with_its_sum(player: Player, link: DdsLink) -> None:
@@ -310,20 +310,26 @@ def test_ctrl_c_ends_it_with_its_sum(player: Player, link: DdsLink) -> None:
             raise KeyboardInterrupt
         return False
 
-    assert play_live(player, link, interrupted).played == pytest.approx(0.05)
+    assert play_live(player, link, interrupted)[0] == pytest.approx(0.05)
 
 
 @pytest.mark.parametrize(("took", "slow"), [(1.0, False), (2.0, True)])
-def test_a_computer_that_does_not_keep_up_is_told(took: float, slow: bool) -> None:  # noqa: FBT001
-    *_, said = closing_lines(Lived(1.0, took, 0, {}, 0, {}, {}, {}))
+def test_a_computer_that_does_not_keep_up_is_told(
+    player: Player,
+    link: DdsLink,
+    took: float,
+    slow: bool,  # noqa: FBT001
+) -> None:
+    *_, said = closing_lines(player, link, 1.0, took)
     assert ("at 0.50 times real time" in said) is slow
 
 
-def test_what_is_left_out_and_lost_is_told() -> None:
-    lost = Lived(
-        1.0, 1.0, 3, {("/clock", "Clock", 0): 60}, 2, {7: "no ports"}, {}, {"/World/x": "unknown"}
-    )
-    assert [line for line in closing_lines(lost) if line] == [
+def test_what_is_left_out_and_lost_is_told(player: Player, link: DdsLink) -> None:
+    link.sent[("/clock", "Clock", 0)] = 60
+    link.lost, link.refused[7] = 2, "no ports"
+    player.world.network.count = 3
+    player.world.not_simulated["/World/x"] = "unknown"
+    assert [line for line in closing_lines(player, link, 1.0, 1.0) if line] == [
         "/clock               Clock                       60 sent",
         "not sent or heard: what is in domain 7: DDS does not start there: no ports",
         "not simulated: /World/x: unknown",

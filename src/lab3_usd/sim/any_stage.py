@@ -30,7 +30,7 @@ from lab3_usd.sim.execution.recording import Message, Recording, kept_transforms
 from lab3_usd.sim.execution.world import standing_of
 from lab3_usd.sim.judge.causes import DRIVEN
 from lab3_usd.sim.judge.checks import CHECKS, OF_ALL, asked_checks, graphs, judge, verdict
-from lab3_usd.sim.judge.expectations import Expected, Look, RunFault, Trial, agree, in_root
+from lab3_usd.sim.judge.expectations import Expected, Look, RunFault, Trial, agree, caused, in_root
 from lab3_usd.sim.judge.sensors import MISSED, WALL, scans
 from lab3_usd.sim.judge.topics import clock, tree
 from lab3_usd.sim.mounting import carried_streams, own_frames, pairs
@@ -183,10 +183,7 @@ def joint_checks(play: Play, trial: Trial, scene: Scene) -> list[Check]:
         return [*_robot_checks(play.robot, play.among, trial, scene)]
     text = f"commands on {play.wanted.commands} in domain {play.wanted.domain} move no joint"
     cause = trial.causes.of_joints() if trial.causes is not None else None
-    fault = RunFault(text, "does-not-move")
-    if cause is not None:
-        fault = RunFault(text, cause.kind or fault.kind, cause.prim, cause.reason)
-    return [verdict("joints", [fault], trial)]
+    return [verdict("joints", [caused(text, "does-not-move", cause)], trial)]
 
 
 def _as_it_shows(trial: Trial, machine: Machine, scene: Scene) -> Trial:

@@ -20,7 +20,6 @@ from cyclonedds.qos import Policy, Qos
 from cyclonedds.sub import DataReader
 from cyclonedds.topic import Topic
 from cyclonedds.util import duration
-from msgspec import Struct
 from msgspec.structs import replace
 from rosbags.interfaces import Nodetype
 
@@ -31,7 +30,7 @@ from lab3_usd.sim.execution.drive import RATE
 from lab3_usd.sim.execution.recording import JointStates, Message, Steering
 from lab3_usd.sim.execution.world import SUBSCRIBER, RosEndpoint, Twist
 from lab3_usd.sim.ros_messages import STORE, nanoseconds, serialized
-from lab3_usd.sim.timeline import Player, unknown_in
+from lab3_usd.sim.timeline import Player
 
 _OF: Any = types  # the library types no subscripts of its own
 # Base types of ROS 2 that the library has by another name.
@@ -237,31 +236,18 @@ def _field(node: Nodetype, of: Any) -> Any:
 BEHIND = 0.25  # seconds that are caught up; what is behind by more goes on from there
 
 
-class Lived(Struct, frozen=True):
-    """The result: simulated seconds, seconds of the clock, messages by topic, type and domain."""
-
-    played: float
-    took: float
-    commands: int
-    sent: dict[tuple[str, str, int], int]
-    lost: int
-    refused: dict[int, str]  # domains that could not be joined
-    failed: dict[str, str]  # nodes whose last computation failed, with the reason
-    not_simulated: dict[str, str]
-    unsent: tuple[tuple[str, str, int], ...] = ()  # topics of the stage that are not sent
-
-
 def play_live(
     player: Player,
     link: DdsLink,
     done: Callable[[int], bool],
     opened: Callable[[str, str, int], object] = lambda *_: None,
     only: str = "",
-) -> Lived:
+) -> tuple[float, float]:
     """Play frame by frame, until it is done after so many frames, or until Ctrl-C.
 
-    Each subscriber of commands is heard, or those of `only` one topic; `opened` is told the topic,
-    the type and the domain of each when it opens.
+    Return the simulated seconds, and those of the clock. Each subscriber of commands is heard, or
+    those of `only` one topic; `opened` is told the topic, the type and the domain of each when it
+    opens.
     """
     network = player.world.network
     network.is_open = True
@@ -292,18 +278,7 @@ def play_live(
             due = paced(due + 1.0 / RATE)
     except KeyboardInterrupt:
         pass
-    took = time.monotonic() - begun
-    return Lived(
-        frames / RATE,
-        took,
-        network.count,
-        dict(sorted(link.sent.items())),
-        link.lost,
-        dict(sorted(link.refused.items())),
-        {node.path: node.failure.reason for node in player.program.nodes.values() if node.failure},
-        unknown_in(player.world),
-        tuple(sorted(link.unsent)),
-    )
+    return frames / RATE, time.monotonic() - begun
 
 
 def paced(due: float) -> float:

@@ -18,7 +18,8 @@ from lab3_usd.features.sim.additions import SimAddition, SimOptions
 from lab3_usd.installation import install_command
 
 if TYPE_CHECKING:
-    from lab3_usd.features.live.dds import Lived
+    from lab3_usd.features.live.dds import DdsLink
+    from lab3_usd.sim.timeline import Player
     from lab3_usd.spec.lab import Lab
 
 LONGEST = 86400.0  # seconds
@@ -104,32 +105,35 @@ def play(stage: Path, lab: Lab, checkpoint: str, topic: str, seconds: float | No
         click.echo(f"{printable(str(stage))}: {WHAT_IT_IS}")
         click.echo("live on 127.0.0.1; Ctrl-C ends")
         frames = math.inf if seconds is None else seconds * RATE
-        lived = play_live(player, link, lambda played: played >= frames, tell, topic)
-    for line in closing_lines(lived):
+        played, took = play_live(player, link, lambda count: count >= frames, tell, topic)
+    for line in closing_lines(player, link, played, took):
         click.echo(printable(line))
 
 
-def closing_lines(lived: Lived) -> Iterator[str]:
+def closing_lines(player: Player, link: DdsLink, played: float, took: float) -> Iterator[str]:
     """Yield the last lines: topics, time, and what was left out."""
+    from lab3_usd.sim.timeline import unknown_in
+
     yield ""
-    several = len({domain for *_, domain in lived.sent}) > 1
-    for (topic, kind, domain), count in lived.sent.items():
+    several = len({domain for *_, domain in link.sent}) > 1
+    for (topic, kind, domain), count in sorted(link.sent.items()):
         where = f" in domain {domain}" if several else ""
         yield f"{topic:<20} {kind:<27} {count} sent{where}"
-    if not lived.sent:
+    if not link.sent:
         yield "nothing was sent"
     yield ""
-    for topic, kind, domain in lived.unsent:
+    for topic, kind, domain in sorted(link.unsent):
         where = f" in domain {domain}" if several else ""
         yield f"not sent: {topic} ({kind}){where}: a dry run does not make its content"
-    for domain, reason in lived.refused.items():
+    for domain, reason in sorted(link.refused.items()):
         yield f"not sent or heard: what is in domain {domain}: DDS does not start there: {reason}"
-    for prim, reason in lived.failed.items():
-        yield f"failed: {prim}: {reason}"
-    for prim, reason in lived.not_simulated.items():
+    for prim, node in player.program.nodes.items():
+        if node.failure is not None:
+            yield f"failed: {prim}: {node.failure.reason}"
+    for prim, reason in unknown_in(player.world).items():
         yield f"not simulated: {prim}: {reason}"
-    if lived.lost:
-        yield f"{lived.lost} messages were lost, because a subscriber does not keep up"
-    rate = lived.played / lived.took if lived.took else 1.0
+    if link.lost:
+        yield f"{link.lost} messages were lost, because a subscriber does not keep up"
+    rate = played / took if took else 1.0
     slow = f", at {rate:.2f} times real time: this computer is too slow" if rate < SLOW else ""
-    yield f"{lived.played:.1f} s played{slow}; {lived.commands} commands received"
+    yield f"{played:.1f} s played{slow}; {player.world.network.count} commands received"
