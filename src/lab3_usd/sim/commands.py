@@ -21,9 +21,8 @@ from lab3_usd.sim.robots import Robot, owners_of
 
 SIZES = (0.9, 1.1)  # of what a controller gives, that the robot does
 STRAIGHT = 0.01  # radians up to which a wheel is not steered
-EXCHANGED = (
-    1.5  # times the distance of steered wheels, from which on their points are too far apart
-)
+# Times the distance of steered wheels, from which on their points are too far apart.
+EXCHANGED = 1.5
 _HELD = (0.2, 5.0)  # of a command, that wheels on rollers may be expected to do
 # Checks of a robot that drives over ground.
 OVER_GROUND = (

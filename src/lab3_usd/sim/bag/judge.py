@@ -117,18 +117,13 @@ def headers(recorded: Recorded) -> Iterator[RunFault]:
                 yield RunFault(text, "wrong-header-frame")
 
 
-def running(recorded: Recorded) -> Iterator[RunFault]:
-    """The clock advances."""
+def clock(recorded: Recorded) -> Iterator[RunFault]:
+    """The clock advances, at the speed of the simulation."""
+    yield from SHARED["clock"].faults(recorded)
     timeline = recorded.gathered.timeline
     if timeline.ticks > 1 and timeline.speed < BARELY and timeline.arrived > 1.0:
         passed = f"{timeline.now:.1f} s in {timeline.arrived:.1f} s"
         yield RunFault(f"{recorded.wanted.clock} runs {passed}", "stopped-clock")
-
-
-def clock(recorded: Recorded) -> Iterator[RunFault]:
-    """The clock runs, and at the speed of the simulation."""
-    yield from SHARED["clock"].faults(recorded)
-    yield from running(recorded)
 
 
 def frames(recorded: Recorded) -> Iterator[RunFault]:
@@ -143,7 +138,7 @@ def frames(recorded: Recorded) -> Iterator[RunFault]:
     moving = {
         frames: link
         for frames, link in gathered.links.items()
-        if frames not in static and frames[1] != _root(recorded)
+        if frames not in static and frames[1] != recorded.wanted.root
     }
     end = max((link.last for link in moving.values()), default=0.0)
     for (parent, child), link in moving.items():
@@ -156,10 +151,6 @@ def frames(recorded: Recorded) -> Iterator[RunFault]:
 def _heard(gathered: Gathered) -> Tree[SentTransform]:
     """Return what tf2 made of the recorded transforms; a recording does not tell who sent them."""
     return tree_of(SentTransform(parent, child) for parent, child in gathered.links)
-
-
-def _root(recorded: Recorded) -> str:
-    return recorded.wanted.root
 
 
 def odometry(recorded: Recorded) -> Iterator[RunFault]:
@@ -206,12 +197,12 @@ def way(recorded: Recorded) -> Iterator[RunFault]:
 
 def localization(recorded: Recorded) -> Iterator[RunFault]:
     """Localization alone connects the map to odometry, to the end."""
-    root, gathered = _root(recorded), recorded.gathered
-    link = gathered.links.get((recorded.wanted.map_frame, root))
+    root, world, gathered = recorded.wanted.root, recorded.wanted.map_frame, recorded.gathered
+    link = gathered.links.get((world, root))
     if link is None:
-        yield RunFault(f"no {recorded.wanted.map_frame} -> {root}", "no-localization")
+        yield RunFault(f"no {world} -> {root}", "no-localization")
     elif link.last < gathered.timeline.now - QUIET:
-        yield RunFault(f"{recorded.wanted.map_frame} -> {root} ends", "localization-ends")
+        yield RunFault(f"{world} -> {root} ends", "localization-ends")
     several = _heard(gathered).several_parents.get(root)
     if several:
         yield RunFault(f"{root} has the parents {', '.join(several)}", "changing-parent")

@@ -34,9 +34,8 @@ from lab3_usd.sim.timeline import content_of, player_of
 HUMBLE = 5  # the version of its metadata
 _LATER = ("ros_distro",)  # a key that came after it; that of data of one's own it passes over
 _HASH = "type_description_hash"
-_WRITTEN: Literal[8] = (
-    8  # the oldest version that the library writes; its QoS profiles are Humble's
-)
+# The oldest version that the library writes; its QoS profiles are Humble's.
+_WRITTEN: Literal[8] = 8
 _FOREVER = QosTime(2147483647, 4294967295)
 
 

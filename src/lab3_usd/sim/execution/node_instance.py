@@ -25,16 +25,7 @@ if TYPE_CHECKING:
 
 
 Function = Callable[["NodeInstance", "World"], bool]
-MODULES = (
-    "robot",
-    "wheels",
-    "joints",
-    "sensors",
-    "core",
-    "transforms",
-    "messages",
-    "flow",
-)
+MODULES = ("robot", "wheels", "joints", "sensors", "core", "transforms", "messages", "flow")
 _FUNCTIONS: dict[str, Function] = {}
 _EVENTS: dict[str, str] = {}  # of the types that start an execution: what they wait for
 FRAME, STEP = "frame", "physics step"

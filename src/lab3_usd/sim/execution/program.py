@@ -121,31 +121,25 @@ def _unknown_name(node: NodeInstance, unsure: Collection[str], platform: Platfor
 
 def _is_evaluated(graph: SceneGraph, scene: Scene, platform: Platform, program: Program) -> bool:
     """Whether a graph runs once a frame; an instanced one runs once for each prim that names it."""
-    evaluation = platform.graph.evaluation
-    if graph.instanced:
-        program.not_simulated[graph.path] = "Isaac Sim should load no graph of an instance"
-        program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
-        return False
+    evaluation, reason = platform.graph.evaluation, ""
     is_known = graph.pipeline in _STAGES.values()
-    if graph.evaluator not in ("execution", *PUSH) or not is_known:
+    if graph.instanced:
+        reason = "Isaac Sim should load no graph of an instance"
+    elif graph.evaluator not in ("execution", *PUSH) or not is_known:
         what = f"evaluator {graph.evaluator}" if is_known else f"stage {graph.pipeline}"
-        program.not_simulated[graph.path] = f"what is evaluated by the {what}"
+        reason = f"what is evaluated by the {what}"
+    elif graph.mode in evaluation.by_reference:
+        targets = (prim.targets.get(evaluation.reference, ()) for prim in scene.prims.values())
+        count = sum(graph.path in paths for paths in targets)
+        if not count:
+            text = f"it is {graph.mode}, and no prim refers to it by {evaluation.reference}"
+            program.dead.append((graph.path, Failure(text, "graph-not-evaluated")))
+            return False
+        reason = f"it runs for {count} prims" if count > 1 else ""
+    if reason:
+        program.not_simulated[graph.path] = reason
         program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
-        return False
-    if graph.mode not in evaluation.by_reference:
-        return True
-    prims = [
-        prim.path
-        for prim in scene.prims.values()
-        if graph.path in prim.targets.get(evaluation.reference, ())
-    ]
-    if not prims:
-        reason = f"it is {graph.mode}, and no prim refers to it by {evaluation.reference}"
-        program.dead.append((graph.path, Failure(reason, "graph-not-evaluated")))
-    elif len(prims) > 1:
-        program.not_simulated[graph.path] = f"it runs for {len(prims)} prims"
-        program.unwritten.update((node.path, platform.get(node.type)) for node in graph.nodes)
-    return len(prims) == 1
+    return not reason
 
 
 def _dropped(

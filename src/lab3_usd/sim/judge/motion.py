@@ -115,24 +115,23 @@ def _straight(trial: Trial, stretch: Stretch) -> RunFault | None:
     part, _, _ = displacement(judged.before, judged.poses[-1])
     ideal = seconds * trial.reached(leg.forward, seconds)
     if not trial.follows(part, leg.forward * ideal):
-        if what := _stopped_by(trial, stretch, ahead / commanded):
-            return _wall(what, f"commanded to go {commanded:.2f} m", f"after {ahead:.2f} m")
-        text = f"commanded to go {commanded:.2f} m, went {ahead:.2f}"
-        text += trial.expected_text(commanded, ".2f")
-        return trial.motion_fault(text, "wrong-distance")
+        text = f"commanded to go {commanded:.2f} m"
+        went = f"{text}, went {ahead:.2f}{trial.expected_text(commanded, '.2f')}"
+        wall = _stopped(trial, stretch, ahead / commanded, text, f"after {ahead:.2f} m")
+        return wall or trial.motion_fault(went, "wrong-distance")
     if abs(left) > trial.tolerance.slip[0] or abs(turned) > trial.tolerance.slip[1]:
         return trial.motion_fault(f"commanded to go {leg.name}, moved sideways", "sideways-drift")
     return None
 
 
-def _stopped_by(trial: Trial, stretch: Stretch, part: float) -> str:
-    """Return what is why a robot does only this part of a command, '' for nothing."""
+def _stopped(
+    trial: Trial, stretch: Stretch, part: float, command: str, done: str
+) -> RunFault | None:
+    """Return the fault of a robot that something stops after a part of a command, None for none."""
     blocked = next((pose.blocked for pose in stretch.poses if pose.blocked), "")
-    return blocked if 0 <= part < trial.factor else ""
-
-
-def _wall(what: str, command: str, done: str) -> RunFault:
-    return RunFault(f"{command}, {what} stops it {done}", "wall-ahead", sure=False)
+    if not blocked or not 0 <= part < trial.factor:
+        return None
+    return RunFault(f"{command}, {blocked} stops it {done}", "wall-ahead", sure=False)
 
 
 def _turn(trial: Trial, stretch: Stretch) -> RunFault | None:
@@ -166,10 +165,10 @@ def _arc(trial: Trial, stretch: Stretch) -> RunFault | None:
         return None
     text = f"commanded to go {abs(leg.forward) * leg.seconds:.2f} m and turn"
     text += f" {math.degrees(leg.turn * leg.seconds):.0f} degrees"
-    if what := _stopped_by(trial, stretch, judged.path_length / length):
-        return _wall(what, text, f"after {stretch.path_length:.2f} m")
-    text += f", did {stretch.path_length:.2f} m and {math.degrees(stretch.turned):.0f}"
-    return trial.motion_fault(text, "wrong-arc")
+    done = f"{stretch.path_length:.2f} m"
+    wall = _stopped(trial, stretch, judged.path_length / length, text, f"after {done}")
+    text += f", did {done} and {math.degrees(stretch.turned):.0f}"
+    return wall or trial.motion_fault(text, "wrong-arc")
 
 
 def limits(trial: Trial) -> Iterator[RunFault]:
@@ -191,10 +190,11 @@ def _at_limit(trial: Trial, stretch: Stretch) -> RunFault | None:
     if is_slow or trial.follows(speed, limit, turning=turning):
         return None
     unit = "rad" if turning else "m"
-    if what := _stopped_by(trial, stretch, speed / limit):
-        return _wall(what, f"commanded to go {name}", f"at {speed:.2f} of {limit} {unit}/s")
+    done = f"at {speed:.2f} of {limit} {unit}/s"
+    wall = _stopped(trial, stretch, speed / limit, f"commanded to go {name}", done)
     text = f"commanded beyond its limit ({name}): goes at {speed:.2f} {unit}/s, limit {limit}"
-    return trial.motion_fault(text + trial.expected_text(limit, ".2f"), "wrong-speed-limit")
+    text += trial.expected_text(limit, ".2f")
+    return wall or trial.motion_fault(text, "wrong-speed-limit")
 
 
 _LEG_CHECKS: Mapping[str, Callable[[Trial, Stretch], RunFault | None]] = {
@@ -230,8 +230,10 @@ def again(trial: Trial) -> Iterator[RunFault]:
         ahead, left, _ = displacement(judged.before, judged.poses[-1])
         commanded, when = leg.forward * seconds, trial.when([number])
         follows = trial.follows(ahead, commanded * trial.reached(leg.forward, seconds))
-        if not follows and (what := _stopped_by(trial, judged, ahead / commanded)):
-            yield _wall(what, f"commanded to go {commanded:.2f} m{when}", f"after {ahead:.2f} m")
+        text, done = f"commanded to go {commanded:.2f} m{when}", f"after {ahead:.2f} m"
+        wall = None if follows else _stopped(trial, judged, ahead / commanded, text, done)
+        if wall is not None:
+            yield wall
         elif not follows or abs(left) > trial.tolerance.slip[0]:
             yield trial.motion_fault(f"does not follow {trial.wanted.commands}{when}", kind)
 
