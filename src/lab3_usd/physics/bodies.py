@@ -16,11 +16,6 @@ OWNER = "physics:simulationOwner"
 BODY, ROOT, COLLIDER = "PhysicsRigidBodyAPI", "PhysicsArticulationRootAPI", "PhysicsCollisionAPI"
 
 
-def is_dynamic(prim: ScenePrim) -> bool:
-    """Whether a prim is a body that moves."""
-    return BODY in prim.apis and not still_by(prim.values)
-
-
 def is_kinematic(prim: ScenePrim) -> bool:
     """Whether a prim is a body that nothing moves."""
     return BODY in prim.apis and prim.values.get(KINEMATIC) is True
@@ -41,7 +36,8 @@ class Bodies:
 
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
-        self.prims = {prim.path: prim for prim in scene.prims.values() if is_dynamic(prim)}
+        bodies = (prim for prim in scene.prims.values() if BODY in prim.apis)
+        self.prims = {prim.path: prim for prim in bodies if not still_by(prim.values)}
         self.shapes: dict[str, list[ScenePrim]] = {body: [] for body in ("", *self.prims)}
         for prim in filter(has_collision, scene.prims.values()):
             self.shapes[self.of(prim.path)].append(prim)

@@ -189,8 +189,11 @@ class Machines:
 
     def _set_down(self, machine: Machine) -> None:
         """Let a machine fall on the ground below it, and see which wheels touch."""
-        points = {body: self._points(body, machine) for body in machine.rest}
-        every = [point for corners in points.values() for point in corners]
+        every: list[Vector] = []
+        for body in machine.rest:
+            place = self.bodies.authored_to_start(machine, body)
+            for prim in self.bodies.shapes[body]:
+                every += placed_surface(prim, place.then(prim.world)).points()
         if not every or not machine.joints:
             return
         xs, ys = [corner[0] for corner in every], [corner[1] for corner in every]
@@ -204,16 +207,16 @@ class Machines:
             return
         unit = 1.0 / self.scene.meters_per_unit
         x, y, z = machine.start.origin
+        low = min(point[2] for point in every)
         ground = height_at(self.solid.values(), x, y, z + STEP_UP * unit)
         if ground is None:
             machine.no_ground = self._no_ground(x, y, z + STEP_UP * unit)
         if ground is None and self.has_ground and not machine.held and machine.no_ground is None:
             machine.is_given_ground = True
-            ground = z + min(point[2] for point in every)
+            ground = z + low
         if ground is None:
             machine.grounded = machine.held
         else:
-            low = min(point[2] for point in every)
             stance = stance_of(self.scene, self.bodies, machine)
             self.stances[machine.base] = stance
             high = -low if stance.stand is None else stance.stand.height
@@ -454,14 +457,6 @@ class Machines:
                 if pull.most * self.scene.meters_per_unit < PROMPT or pull.lag > SOON:
                     wheel = replace(wheel, pull=pull)  # noqa: PLW2901
             yield wheel
-
-    def _points(self, body: str, machine: Machine) -> list[Vector]:
-        """Return the corners of a body's collision shapes, with the base turned as at the start."""
-        place = self.bodies.authored_to_start(machine, body)
-        surfaces = (
-            placed_surface(prim, place.then(prim.world)) for prim in self.bodies.shapes[body]
-        )
-        return [point for surface in surfaces for point in surface.points()]
 
 
 def _square(machine: Machine, scene: Scene) -> tuple[int, int]:

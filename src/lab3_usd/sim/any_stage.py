@@ -137,16 +137,15 @@ def _failing(plays: Sequence[Judged], whole: Sequence[Check]) -> Iterator[RunFau
         if check.verdict != "ok"
         for word in (check.prim, *check.text.replace(";", " ").split())
     }
-    causes_of_plays = [play.trial.causes for play in plays]
-    causes = [each for each in causes_of_plays if each is not None]
-    for path in causes[0].program.nodes if causes else ():
-        running = [each.program.nodes.get(path) for each in causes]
-        failures = [node.failure for node in running if node is not None]
+    first = plays[0].trial
+    for path, node in first.nodes.items():
+        running = [play.trial.nodes.get(path) for play in plays]
+        failures = [other.failure for other in running if other is not None]
         if any(failure is None or failure.kind in _PASSING for failure in failures):
             continue
-        cause = causes[0].broken(causes[0].program.nodes[path])
+        cause = first.causes.broken(node) if first.causes is not None else None
         if cause is not None and not {cause.prim, path} & told:
-            yield RunFault(f"{path} fails", cause.kind or "not-executed", cause.prim, cause.reason)
+            yield caused(f"{path} fails", "not-executed", cause)
 
 
 def _robot_checks(

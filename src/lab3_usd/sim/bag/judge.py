@@ -434,10 +434,14 @@ def _navigation(drive: Recorded, checkpoint: str, lab: Lab, *, whole: bool) -> I
         yield "goal"
 
 
+def _is_odd(topic: str, kind: str) -> bool:
+    return not (_TOPIC.fullmatch(topic) and _TYPE.fullmatch(kind))
+
+
 def _topics(gathered: Gathered) -> Iterator[Topic]:
     """Yield what came, by topic and type."""
     for (topic, kind), tally in sorted(gathered.tallies.items(), key=lambda row: row[0]):
-        if not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) or not tally.count:
+        if not tally.count or _is_odd(topic, kind):
             continue
         by_stamp, by_arrival = (round(rate, 2) for rate in tally.rates())
         offered = tuple(offer.text for offer in tally.offered)
@@ -454,8 +458,6 @@ def _time_remarks(gathered: Gathered) -> Iterator[str]:
         yield f"the simulation ran at {timeline.speed:.2f} of real time"
     if gathered.until is not None:
         yield f"the first {gathered.until:.0f} s were judged message by message, the rest in total"
-    odd = sum(
-        not _TOPIC.fullmatch(topic) or not _TYPE.fullmatch(kind) for topic, kind in gathered.tallies
-    )
+    odd = sum(_is_odd(topic, kind) for topic, kind in gathered.tallies)
     if odd:
         yield f"{odd} topics have an invalid name or type"

@@ -68,14 +68,6 @@ class Unpacker:
         self.most = self.left = bounds.parts
         self.largest = bounds.message
 
-    def message(self, data: bytes) -> bytes:
-        """Return a message that is compressed by itself.
-
-        Raises:
-            RecordingError: it is damaged, or unpacks to too much.
-        """
-        return self.zstd(data, self.largest)
-
     def plain(self, data: bytes) -> bytes:
         """Return what is not packed: an index may name one part again and again."""
         return self._counted(data, len(data))
@@ -288,7 +280,7 @@ class Bag(Struct, frozen=True):
         Raises:
             RecordingError: the recording is damaged, or too large.
         """
-        count = 0
+        count, unpacker = 0, self.unpacker
         for reader in self.readers:
             for connection, arrival, data in _guarded(iter(reader.messages())):
                 count += 1
@@ -296,7 +288,7 @@ class Bag(Struct, frozen=True):
                     raise RecordingError(f"has more than {self.most} messages")
                 if not (isinstance(arrival, int) and isinstance(data, bytes)):
                     raise RecordingError(_OTHER_COLUMNS)
-                plain = self.unpacker.message(data) if self.by_message else data
+                plain = unpacker.zstd(data, unpacker.largest) if self.by_message else data
                 yield Raw(arrival, connection.topic, connection.msgtype, plain)
 
 

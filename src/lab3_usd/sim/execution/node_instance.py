@@ -215,10 +215,6 @@ class NodeInstance(Struct):
         self.enabled += self.type.signals
         return True
 
-    def stamp(self, world: World) -> float:
-        """Return the time stamp that reaches a publisher."""
-        return self.number("timeStamp", world)
-
     def reset(self) -> None:
         """Reset the state of the node, as on Stop."""
         self.memory.clear()

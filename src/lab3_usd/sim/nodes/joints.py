@@ -61,7 +61,7 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
     names, *arrays = (node.items(name, world) for name in _STATES)
     positions, velocities, efforts, degrees = arrays
     unit = node.number("stageMetersPerUnit", world)
-    stamp = node.number("sensorTime", world) or node.stamp(world)
+    stamp = node.number("sensorTime", world) or node.number("timeStamp", world)
     if names or positions or velocities or efforts or degrees:
         sizes = {len(array) for array in (names, positions, velocities, efforts, degrees)}
         if not names or len(sizes) > 1:
@@ -80,7 +80,7 @@ def publish_joint_state(node: NodeInstance, world: World) -> bool:
         joints = [*machine.articulated.values()]
         names, positions, velocities = _states_of(joints).values()
         efforts, degrees = (0.0,) * len(joints), tuple(map(_degree, joints))
-        unit, stamp = world.scene.meters_per_unit, node.stamp(world)
+        unit, stamp = world.scene.meters_per_unit, node.number("timeStamp", world)
     endpoint = node.memory.get("endpoint") or open_endpoint(node, world)
     if endpoint is None:
         return False

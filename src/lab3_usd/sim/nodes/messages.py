@@ -77,9 +77,13 @@ def _gravity(world: World) -> Vector:
 _MEASURED = ("orientation", "angularVelocity", "linearAcceleration")
 
 
+def _is_on(node: NodeInstance, name: str, world: World) -> bool:
+    return node.flag(f"publish{name[0].upper()}{name[1:]}", world)
+
+
 def _unmeasured(node: NodeInstance, world: World) -> list[str]:
     """Return what is published without that it comes from anywhere: zeros, or no rotation."""
-    on = [name for name in _MEASURED if node.flag(f"publish{name[0].upper()}{name[1:]}", world)]
+    on = [name for name in _MEASURED if _is_on(node, name, world)]
     values = {name: node.numbers(name, world) for name in on if name not in node.fed}
     return [
         name for name, value in values.items() if sum(map(bool, value)) <= (len(value) > len("xyz"))
@@ -99,16 +103,11 @@ def publish_imu(node: NodeInstance, world: World) -> bool:
         node.memory["frame"] = node.text("frameId", world)
         node.memory["unmeasured"] = ", ".join(_unmeasured(node, world))
         return True
-    data = Inertia(
-        wxyz(node, "orientation", world) if node.flag("publishOrientation", world) else None,
-        node.vector("angularVelocity", world)
-        if node.flag("publishAngularVelocity", world)
-        else None,
-        node.vector("linearAcceleration", world)
-        if node.flag("publishLinearAcceleration", world)
-        else None,
+    turn = wxyz(node, "orientation", world) if _is_on(node, "orientation", world) else None
+    angular, linear = (
+        node.vector(name, world) if _is_on(node, name, world) else None for name in _MEASURED[1:]
     )
-    stamp = node.stamp(world)
+    data, stamp = Inertia(turn, angular, linear), node.number("timeStamp", world)
     send(node, world, endpoint, Message("sensor_msgs/msg/Imu", stamp, node.memory["frame"], data))
     lost = node.memory["unmeasured"]
     return not lost or node.fails(f"{lost} never changes: nothing reaches it", "no-vector-input")

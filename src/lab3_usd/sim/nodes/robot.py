@@ -216,7 +216,7 @@ def publish_clock(node: NodeInstance, world: World) -> bool:
     endpoint, ready = opened_endpoint(node, world)
     if endpoint is None or not ready:
         return endpoint is not None
-    stamp = node.stamp(world)
+    stamp = node.number("timeStamp", world)
     send(node, world, endpoint, Message("rosgraph_msgs/msg/Clock", stamp, data=stamp))
     return True
 
@@ -291,7 +291,7 @@ def publish_odometry(node: NodeInstance, world: World) -> bool:
         linear,
         angular,
     )
-    stamp = node.stamp(world)
+    stamp = node.number("timeStamp", world)
     frame = node.memory["odomFrameId"]
     send(node, world, endpoint, Message("nav_msgs/msg/Odometry", stamp, frame, data))
     return True

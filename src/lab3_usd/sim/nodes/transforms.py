@@ -222,7 +222,7 @@ def _send_tree(node: NodeInstance, world: World, endpoint: RosEndpoint, tree: Tr
     if static and node.memory.get("sent"):
         return False
     node.memory["sent"] = True
-    stamp = node.stamp(world)
+    stamp = node.number("timeStamp", world)
     send(node, world, endpoint, Message(TRANSFORMS, stamp, data=tree, static=static))
     return True
 
@@ -282,9 +282,7 @@ def publish_transform_tree(node: NodeInstance, world: World) -> bool:
     count = len(parents)
     if not count == len(children) == len(places) == len(turns) or not count:
         return node.fails("its four arrays have different lengths", "unequal-frame-arrays")
-    if memory.get("named") != (parents, children):
-        memory["named"] = parents, children
-        memory["frames"] = tuple(zip(map(str, parents), map(str, children), strict=True))
+    frames = tuple(zip(map(str, parents), map(str, children), strict=True))
     poses = Later(
         count,
         lambda: tuple(
@@ -292,7 +290,7 @@ def publish_transform_tree(node: NodeInstance, world: World) -> bool:
             for place, (x, y, z, w) in zip(places, turns, strict=True)
         ),
     )
-    return _send_tree(node, world, memory["endpoint"], Transforms(memory["frames"], poses))
+    return _send_tree(node, world, memory["endpoint"], Transforms(frames, poses))
 
 
 def _metres(at: Sequence[float], unit: float) -> Vector:

@@ -39,7 +39,7 @@ def publish_ackermann(node: NodeInstance, world: World) -> bool:
     if endpoint is None or not ready:
         return endpoint is not None
     data = Steering(node.number("speed", world), node.number("steeringAngle", world))
-    frame, stamp = node.text("frameId", world), node.stamp(world)
+    frame, stamp = node.text("frameId", world), node.number("timeStamp", world)
     kind = node.type.message[""]
     send(node, world, endpoint, Message(kind, stamp, frame, data))
     return True
