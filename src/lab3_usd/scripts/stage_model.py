@@ -84,13 +84,11 @@ def modelled(world: World, platform: Platform, scene: StageModel | None) -> Stag
 
     Where there is no scene, what prims it has is unknown.
     """
-    missing: dict[str, UnresolvedAsset] = {}
     if scene is None:
-        missing["/"] = UnresolvedAsset("/", SCENE, "script")
-        for node in sorted(world.outside):
-            missing[node] = UnresolvedAsset(node, SCENE, "script")
+        for path in ("/", *sorted(world.outside)):
+            world.missing[path] = UnresolvedAsset(path, SCENE, "script")
     graphs = [
-        _graph(graph, world, platform, missing)
+        _graph(graph, world, platform)
         for graph in world.graphs.values()
         if graph.is_ours or any(world.nodes_of(graph.path))
     ]
@@ -113,7 +111,7 @@ def modelled(world: World, platform: Platform, scene: StageModel | None) -> Stag
             kilograms_per_unit=1.0,
             graphs=tuple(graphs),
             prims=prims,
-            unresolved=tuple(missing.values()),
+            unresolved=tuple(world.missing.values()),
             build=build,
         )
     own: dict[str, GraphModel] = {}
@@ -122,7 +120,7 @@ def modelled(world: World, platform: Platform, scene: StageModel | None) -> Stag
         nodes = (replace(node, namespaces=names) for node in graph.nodes)
         own[graph.path] = replace(graph, nodes=tuple(nodes)) if names else graph
     kept = [
-        _changed_graph(graph, own.pop(graph.path, None), world, missing)
+        _changed_graph(graph, own.pop(graph.path, None), world)
         for graph in scene.graphs
         if world.has_scene_graph(graph.path)
     ]
@@ -131,7 +129,7 @@ def modelled(world: World, platform: Platform, scene: StageModel | None) -> Stag
         scene,
         graphs=(*kept, *own.values()),
         prims=_Overlay(below, prims),
-        unresolved=(*scene.unresolved, *missing.values()),
+        unresolved=(*scene.unresolved, *world.missing.values()),
         build=build,
     )
 
@@ -187,9 +185,7 @@ def _places(world: World) -> Iterator[tuple[tuple[str, str | None, str | None], 
                 yield (node.path, name, None), port.at or next(iter(port.sources.values()))
 
 
-def _graph(
-    graph: BuiltGraph, world: World, platform: Platform, missing: dict[str, UnresolvedAsset]
-) -> GraphModel:
+def _graph(graph: BuiltGraph, world: World, platform: Platform) -> GraphModel:
     form = platform.graph.evaluation
     building = platform.building
     attributes: dict[str, PlainValue] = {
@@ -206,9 +202,9 @@ def _graph(
         attributes[form.stage] = "evaluated by the script"
     if graph.rest is not None:
         what = f"{graph.rest.why} in line {graph.rest.line}"
-        missing[graph.path] = UnresolvedAsset(graph.path, what, "script")
+        world.missing[graph.path] = UnresolvedAsset(graph.path, what, "script")
     nodes = tuple(
-        _node(node, platform, missing, world, is_open=graph.rest is not None)
+        _node(node, platform, world, is_open=graph.rest is not None)
         for node in world.nodes_of(graph.path)
     )
     variables = dict(_variables(graph, platform))
@@ -231,9 +227,7 @@ def _variables(graph: BuiltGraph, platform: Platform) -> Iterator[tuple[str, Gra
         )
 
 
-def _changed_graph(
-    graph: GraphModel, more: GraphModel | None, world: World, missing: dict[str, UnresolvedAsset]
-) -> GraphModel:
+def _changed_graph(graph: GraphModel, more: GraphModel | None, world: World) -> GraphModel:
     """Return a graph of the scene with what a script writes into it.
 
     A dictionary that creates it anew replaces it.
@@ -243,7 +237,7 @@ def _changed_graph(
         return more
     new = {node.path: node for node in (() if more is None else more.nodes)}
     kept = (
-        _changed_node(node, world, missing)
+        _changed_node(node, world)
         for node in graph.nodes
         if node.path not in new and not world.is_removed(node.path)
     )
@@ -256,14 +250,14 @@ def _changed_graph(
     return replace(graph, nodes=(*kept, *new.values()))
 
 
-def _changed_node(node: Node, world: World, missing: dict[str, UnresolvedAsset]) -> Node:
+def _changed_node(node: Node, world: World) -> Node:
     """Return a node of the scene with the values and wires that a script gives it."""
     built = world.changed.get(node.path)
     if built is None:
         return node
     ports = dict(node.ports)
     for name, port in built.ports.items():
-        before, given = node.state(name), _state(name, port, node.type, built, missing, world)
+        before, given = node.state(name), _state(name, port, node.type, built, world)
         old = () if before is None or "" in port.cut else before.sources
         sources = dict.fromkeys((*(path for path in old if path not in port.cut), *given.sources))
         is_given = port.value is not None
@@ -281,20 +275,13 @@ def _setting(
     return default if value is None else names.get(value, value)
 
 
-def _node(
-    node: BuiltNode,
-    platform: Platform,
-    missing: dict[str, UnresolvedAsset],
-    world: World,
-    *,
-    is_open: bool,
-) -> Node:
+def _node(node: BuiltNode, platform: Platform, world: World, *, is_open: bool) -> Node:
     written = platform.building.compound if node.is_compound else _type_name(node, world)
     name = platform.type_name(written)
     kind = platform.types.get(name)
     if kind is not None and kind.grows_by_message:
         named = (full for full in NAMED if full in node.ports)
-        parts = {full: _state(full, node.ports[full], kind, node, missing, world) for full in named}
+        parts = {full: _state(full, node.ports[full], kind, node, world) for full in named}
         kind = with_named_message(kind, parts)
     if kind is not None and node.is_compound:  # whose ports are those that are promoted
         kind = replace(kind, grows={}, is_documented=False)
@@ -305,9 +292,7 @@ def _node(
     }
     if kind is not None and made:
         kind = replace(kind, ports={**kind.ports, **made})
-    ports = {
-        full: _state(full, port, kind, node, missing, world) for full, port in node.ports.items()
-    }
+    ports = {full: _state(full, port, kind, node, world) for full, port in node.ports.items()}
     ports.update(dict(_meant(ports, kind)))
     return Node(
         path=node.path,
@@ -352,12 +337,7 @@ def _meant(
 
 
 def _state(
-    name: str,
-    built: BuiltPort,
-    kind: NodeType | None,
-    node: BuiltNode,
-    missing: dict[str, UnresolvedAsset],
-    world: World,
+    name: str, built: BuiltPort, kind: NodeType | None, node: BuiltNode, world: World
 ) -> PortState:
     """Return a port with its value or targets and the sources of its wires."""
     sources = tuple(built.sources)
@@ -370,7 +350,7 @@ def _state(
     is_path = isinstance(first, Handles) or (isinstance(first, Text) and first.is_path)
     if port.is_target if port is not None else is_path:
         return PortState(
-            name, _REL, targets=tuple(_targets(built.value, line, missing, world)), sources=sources
+            name, _REL, targets=tuple(_targets(built.value, line, world)), sources=sources
         )
     plain = _plain_value(value, line)
     if isinstance(plain, Unknown):
@@ -382,9 +362,7 @@ def _state(
     return PortState(name, usd_type, plain, sources)
 
 
-def _targets(
-    value: Value, line: int, missing: dict[str, UnresolvedAsset], world: World
-) -> Iterator[str]:
+def _targets(value: Value, line: int, world: World) -> Iterator[str]:
     """Yield the prims that a value names; one that is unknown has a path that no scene has."""
     items = (
         [*value.items, *([value.rest] if value.rest else [])]
@@ -397,7 +375,9 @@ def _targets(
         if text.unknown is not None or isinstance(item, (Unknown, External)):
             what = text.unknown or Unknown(text.text.strip("{}"), line)
             world.unread[Unknown(what.why, line)] = None
-            missing.setdefault(path, UnresolvedAsset(path, f"{what.why} in line {line}", "script"))
+            world.missing.setdefault(
+                path, UnresolvedAsset(path, f"{what.why} in line {line}", "script")
+            )
         yield path
 
 

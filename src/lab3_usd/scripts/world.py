@@ -9,7 +9,7 @@ from msgspec import Struct
 
 from lab3_usd.model.build import BuildFault, FaultKind
 from lab3_usd.model.prims import is_at_or_below
-from lab3_usd.model.stage import Node, Unknown
+from lab3_usd.model.stage import Node, Unknown, UnresolvedAsset
 from lab3_usd.scripts.values import At, Text, Value
 
 # What belongs to the stage that is open.
@@ -100,7 +100,8 @@ class BuiltGraph(Struct, eq=False):
 class World(Struct, eq=False):
     """Everything that one way through a script builds.
 
-    `places` are the lines and columns that were come by, `unread` what of the edits is unknown.
+    `places` are the lines and columns that were come by, `unread` what of the edits is
+    unknown, `missing` the prims that are so.
     `guarded` are lines whose failure the script expects, from and to, `outside` the nodes of others
     that it wires, and `twice` the calls that made a node again. `past` are the worlds of
     stages that were open before. `changed` are nodes of the `scene` that the script changes,
@@ -114,6 +115,7 @@ class World(Struct, eq=False):
     nodes: dict[str, BuiltNode] = {}
     faults: list[BuildFault] = []
     unread: dict[Unknown, None] = {}
+    missing: dict[str, UnresolvedAsset] = {}
     places: set[At] = set()
     past: list[World] = []
     guarded: list[tuple[int, int]] = []
