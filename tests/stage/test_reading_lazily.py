@@ -21,7 +21,7 @@ from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import load_lab
 from lab3_usd.stage.read import colliders, opening, prims, stage_reader
-from lab3_usd.stage.read.prims import EVERYTHING
+from lab3_usd.stage.read.assets import EVERYTHING
 from lab3_usd.stage.read.properties import AuthoredProperties
 from lab3_usd.stage.read.stage_reader import read_model, read_stage
 from lab3_usd.stage.write.builder import build_checkpoint

@@ -28,7 +28,7 @@ _LACKS_PRIM = "ErrorUnresolvedPrimPath"
 _BLOCKED = "/dev/null/blocked/"
 # Active, defined and not abstract: most prims are, and one question tells.
 IS_PRESENT = Usd.PrimIsActive & Usd.PrimIsDefined & ~Usd.PrimIsAbstract
-_EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
+EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 
 
 class LayerFiles(Struct, frozen=True):
@@ -143,7 +143,7 @@ def _again(stage: Usd.Stage, errors: Iterable[Any]) -> Iterator[tuple[Sdf.Path, 
     """
     counts = Counter(error.rootSite.path for error in errors)
     if any(count > 1 for count in counts.values()):
-        for prim in stage.Traverse(_EVERYTHING):
+        for prim in stage.Traverse(EVERYTHING):
             for error in Usd.Prim.GetPrimIndex(prim).localErrors:
                 yield Usd.Prim.GetPath(prim), error
 
@@ -154,7 +154,7 @@ def _users(stage: Usd.Stage, layers: set[str]) -> Iterator[tuple[str, str]]:
     A prim may also want from the asset what only the missing sublayer would define.
     """
     above: dict[str, str] = {}
-    for prim in Usd.PrimRange(stage.GetPseudoRoot(), _EVERYTHING):
+    for prim in Usd.PrimRange(stage.GetPseudoRoot(), EVERYTHING):
         path = str(prim.GetPath())
         for layer in _brought(prim) & layers:
             if not path.startswith(f"{above.get(layer, path)}/"):

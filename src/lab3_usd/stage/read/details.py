@@ -8,11 +8,11 @@ from pxr import Sdf
 
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.prims import Details, Matrix
+from lab3_usd.model.traction import BINDING
 from lab3_usd.stage.read.opening import quiet
 from lab3_usd.stage.read.prims import PrimReader
 from lab3_usd.stage.read.properties import CENTIMETRES, plain_value, prim_at, stage_number
 
-_BINDING = "material:binding"
 _TEXTS = {"string", "token", "asset"}  # whose values look alike, and are read by their type alone
 
 
@@ -72,7 +72,7 @@ class StageDetails(Details):
         from pxr import UsdShade
 
         prim = prim_at(self._stage, path)
-        purpose = binding.removeprefix(_BINDING).removeprefix(":")
+        purpose = binding.removeprefix(BINDING).removeprefix(":")
         if not prim or ":" in purpose:  # a collection binds others than the prim
             return ""
         with quiet():  # USD takes a binding without its schema, and warns of it

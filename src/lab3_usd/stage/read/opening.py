@@ -10,7 +10,7 @@ from collections.abc import Callable, Hashable, Iterable, Iterator
 from contextlib import contextmanager
 from contextvars import ContextVar
 from pathlib import Path
-from typing import Any, BinaryIO, TypeVar
+from typing import Any, TypeVar
 
 from pxr import Sdf, Tf, Usd
 
@@ -223,7 +223,10 @@ def check_file(path: Path) -> None:
             elif start and not start.startswith(_BINARY):
                 raise StageError(f"{path}: is not USD: it does not begin with '#usda'")
             else:
-                _check_tables(path, file, start)
+                try:
+                    check_binary(file, start)
+                except StageError as error:
+                    raise StageError(f"{path}: {error}") from error
     except PermissionError as error:
         repair = "change the permissions, or check it as somebody who may read it"
         raise StageError(f"{path}: cannot be read ({error.strerror})", repair=repair) from error
@@ -349,14 +352,6 @@ def _other_ending(path: Path, start: bytes) -> StageError:
         free = f"{Path(name).stem}_before{Path(name).suffix}"
         return StageError(text, repair=f"copy the file to {free}; {name} is there, and another one")
     return StageError(text, repair=f"rename the file to {name}")
-
-
-def _check_tables(path: Path, file: BinaryIO, start: bytes) -> None:
-    """Refuse a binary layer, or a package of some, that would exhaust usd-core."""
-    try:
-        check_binary(file, start)
-    except StageError as error:
-        raise StageError(f"{path}: {error}") from error
 
 
 def _check_text(path: Path, data: bytes) -> None:

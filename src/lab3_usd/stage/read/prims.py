@@ -15,15 +15,15 @@ from pxr import Sdf, Usd
 from lab3_usd.isaac.graph_form import GraphForm
 from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.values import Value
+from lab3_usd.model.physics import BODY_API
 from lab3_usd.model.prims import NameFilter, Prim, Prims, name_matches, of_any_name
-from lab3_usd.stage.read.assets import IS_PRESENT, is_in_scene
+from lab3_usd.stage.read.assets import EVERYTHING, IS_PRESENT, is_in_scene
 from lab3_usd.stage.read.opening import open_stage, quiet, stage_errors
 from lab3_usd.stage.read.prim_transforms import TransformCache, is_placeless
 from lab3_usd.stage.read.properties import MOST_EMITTERS, AuthoredProperties, plain_value, prim_at
 
 Authored = dict[str, tuple[str, Value]]  # type and value by name
 
-EVERYTHING = Usd.TraverseInstanceProxies(Usd.PrimAllPrimsPredicate)
 # What rules ask of prims outside the graphs; everything else on a stage is none of their business.
 _ATTRIBUTES = re.compile(
     r"^(physics|drive|isaac|isaacmecanumwheel|omni|physx\w*|visibility|focalLength|clippingRange|"
@@ -37,7 +37,6 @@ _PLACE, _ASSETS = ("local", "world"), "assets"
 _PROTOTYPE = "/__Prototype_"
 # Paths that need no look by usd-core to be known as those of prims.
 _PLAIN_PATH = re.compile(r"(/[A-Za-z_][A-Za-z0-9_]*)+")
-RIGID_BODY = "PhysicsRigidBodyAPI"
 
 
 @lru_cache(maxsize=4096)
@@ -83,7 +82,7 @@ class PrimReader:
                 prim.assets = tuple(dict.fromkeys(_referred(source)))
             elif name not in _PLACE:
                 self._read_values(source, prim)
-            elif source and (prim.type in self.placed or RIGID_BODY in prim.apis):
+            elif source and (prim.type in self.placed or BODY_API in prim.apis):
                 prim.local, prim.world = self.transforms.of(source, prim.path)
             else:
                 prim.local, prim.world = None, None

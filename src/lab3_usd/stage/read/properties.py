@@ -27,6 +27,7 @@ from lab3_usd.isaac.node_types import INPUT, OUTPUT
 from lab3_usd.isaac.values import Value
 from lab3_usd.model.compounds import Compounds, compounds_of
 from lab3_usd.model.stage import AnimatedAttribute, same_value
+from lab3_usd.stage.read.crate import CRATE
 
 CENTIMETRES = 0.01  # per unit, where a stage does not say
 LONGEST = 4096  # elements; longer arrays (points, faces) are nothing a rule asks about
@@ -45,8 +46,7 @@ _KEY = "changes after the start"  # of the session layer's custom data
 _NEAR_ZERO = 1e-6
 RELATIONSHIP = "rel"
 _WITH_VARIABLES = {Sdf.AssetPath, Sdf.AssetPathArray}  # the stage makes a path of it
-_CRATE = b"PXR-USDC"  # which a version of three bytes follows
-_CRATE_WITH_SPLINES = bytes((0, 12, 0))
+_CRATE_WITH_SPLINES = bytes((0, 12, 0))  # the version, which follows the name of the format
 _SPLINE, _SPLINE_TEXT = "spline", b".spline"
 _VALUE, _SOURCES, _TARGETS = "default", "connectionPaths", "targetPaths"
 
@@ -146,8 +146,8 @@ def _may_have_splines(layer: Sdf.Layer) -> bool:
     try:
         with Path(layer.realPath).open("rb") as file:
             data = file.read()
-            if data.startswith(_CRATE):
-                return data[len(_CRATE) : len(_CRATE) + 3] >= _CRATE_WITH_SPLINES
+            if data.startswith(CRATE):
+                return data[len(CRATE) : len(CRATE) + 3] >= _CRATE_WITH_SPLINES
             return data.rfind(_SPLINE_TEXT) >= 0  # which takes half the time of `in`
     except (OSError, ValueError):  # in memory, or in a package
         return True

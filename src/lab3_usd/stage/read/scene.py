@@ -28,19 +28,17 @@ from lab3_usd.model.dry_run import (
     ScenePrim,
     bounded,
 )
+from lab3_usd.model.physics import BODY_API
 from lab3_usd.stage.read.assets import find_unresolved
 from lab3_usd.stage.read.prim_transforms import ORDER, is_placeless
 from lab3_usd.stage.read.properties import CENTIMETRES, compounds_in, stage_number, targets_of
 
 _Value = TypeVar("_Value")
-GRAPH, NODE = "OmniGraph", "OmniGraphNode"
-IGNORED = ("Replicator", "Render")
 UNSEEN = ("guide",)
 LEAST_UNIT = 1e-4
 NO_TIME = Usd.TimeCode.Default()
 _SIXTEEN = Struct("16d")
 TIMELESS = ("physics", "drive:", "isaac:")  # what is parsed once, without a time
-BODY = "PhysicsRigidBodyAPI"
 SHAPES = ("Cube", "Sphere", "Cylinder", "Capsule", "Cone", "Mesh", "Plane")
 _SIZES = {
     "Cube": ("size",),
@@ -56,7 +54,7 @@ _SIZES = {
 
 def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     """Read a stage as it is composed; types and ports of nodes have their names of the platform."""
-    time = Usd.TimeCode(stage.GetStartTimeCode())
+    time, form = Usd.TimeCode(stage.GetStartTimeCode()), platform.graph
     graphs: dict[str, Usd.Prim] = {}
     nodes: dict[str, list[SceneNode]] = {}
     prims: dict[str, ScenePrim] = {}
@@ -68,11 +66,11 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
     for prim in Usd.PrimRange(stage.GetPseudoRoot(), everything):
         path, kind = str(Usd.Prim.GetPath(prim)), str(Usd.Prim.GetTypeName(prim))
         # A node may name a product, wherever that is.
-        if path == "/" or (path.split("/")[1] in IGNORED and kind != RENDER_PRODUCT):
+        if path == "/" or (form.ignores(path) and kind != RENDER_PRODUCT):
             continue
-        if kind == GRAPH:
+        if kind == form.type:
             graphs[path], nodes[path] = prim, []
-        if kind == NODE:
+        if kind == form.node_type:
             parent = path.rpartition("/")[0]
             while parent and parent not in nodes:
                 parent = parent.rpartition("/")[0]
@@ -284,7 +282,7 @@ def _prim(
         path,
         kind,
         # UsdPhysics makes no body of what has no place.
-        frozenset(apis) - {BODY} if no_place else frozenset(apis),
+        frozenset(apis) - {BODY_API} if no_place else frozenset(apis),
         above.then(local),
         values,
         targets,

@@ -34,6 +34,7 @@ from lab3_usd.model.stage import (
     StageModel,
 )
 from lab3_usd.stage.read.assets import (
+    EVERYTHING,
     IS_PRESENT,
     find_muted,
     find_unresolved,
@@ -44,7 +45,7 @@ from lab3_usd.stage.read.assets import (
 from lab3_usd.stage.read.colliders import StageColliders
 from lab3_usd.stage.read.details import StageDetails
 from lab3_usd.stage.read.opening import cached, held, open_stage, quiet, stage_errors
-from lab3_usd.stage.read.prims import EVERYTHING, PrimIndex, PrimReader, StagePrims
+from lab3_usd.stage.read.prims import PrimIndex, PrimReader, StagePrims
 from lab3_usd.stage.read.properties import (
     CENTIMETRES,
     RELATIONSHIP,
