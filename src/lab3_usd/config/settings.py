@@ -199,11 +199,10 @@ def _parameters(value: Any, where: str, _folder: Path) -> Parameters:
     return tuple(given.items())
 
 
-def _checkpoints(value: Any, where: str, _folder: Path) -> tuple[tuple[str, str], ...]:
-    for name, item in _table(value, where).items():
-        if not isinstance(item, str):
-            raise UsageError(f"{where}: {name} is {item!r}, expected a checkpoint in quotes")
-    return tuple(value.items())
+def _checkpoint(value: Any, where: str, _folder: Path) -> str:
+    if not isinstance(value, str):
+        raise UsageError(f"{where} is {value!r}, expected a checkpoint in quotes")
+    return value
 
 
 def _patterns(value: Any, where: str, _folder: Path) -> tuple[str, ...]:
@@ -217,7 +216,7 @@ _KEYS: dict[str, _Reader] = {
     "per-file-ignores": _by_name(_rules),
     "severity": _severities,
     "parameters": _parameters,
-    "checkpoints": _checkpoints,
+    "checkpoints": _by_name(_checkpoint),
     "starter": _path,
     "maps": _path,
     "lab": _path,
