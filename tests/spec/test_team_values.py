@@ -17,7 +17,7 @@ from lab3_usd.grade.intake.submission_copy import Limits
 from lab3_usd.grade.workers.submission_grading import grade_submission
 from lab3_usd.grade.workers.worker_main import load_setup
 from lab3_usd.grade.workers.worker_messages import PoolSettings, Task
-from lab3_usd.spec.contradictions.domains import team_faults
+from lab3_usd.spec.contradictions.references import team_faults
 from lab3_usd.spec.lab import Lab
 from lab3_usd.spec.load.loader import lab_of_team, load_lab
 

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import shutil
-import tempfile
 from collections.abc import Collection, Iterable, Iterator, Mapping, Sequence
 from itertools import chain
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 from msgspec import Struct
@@ -50,11 +49,11 @@ from lab3_usd.new_lab.scene import (
     appearance_below,
     describe_scene,
     describe_sensors,
+    describe_starter,
     holds_graphs_alone,
     named_prims,
     read_described,
 )
-from lab3_usd.new_lab.starter import describe_starter
 from lab3_usd.new_lab.yaml_text import document
 from lab3_usd.spec.contradictions.names import (
     graph_frames,
@@ -403,14 +402,11 @@ def write_folder(folder: Path, files: Mapping[str, str]) -> None:
     refuse_existing_folder(folder)
     try:
         folder.parent.mkdir(parents=True, exist_ok=True)
-        temporary = Path(tempfile.mkdtemp(dir=folder.parent, prefix=f".{folder.name}."))
-        try:
+        with TemporaryDirectory(dir=folder.parent, prefix=f".{folder.name}.") as temporary:
+            whole = Path(temporary) / folder.name
             for name, text in files.items():
-                (temporary / name).parent.mkdir(exist_ok=True)
-                (temporary / name).write_text(text, encoding="utf-8")
-            temporary.chmod(0o755)
-            temporary.rename(folder)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
+                (whole / name).parent.mkdir(parents=True, exist_ok=True)
+                (whole / name).write_text(text, encoding="utf-8")
+            whole.rename(folder)
     except OSError as error:
         raise unwritten(folder, error) from error

@@ -1,9 +1,9 @@
-"""Describes the scene of a stage and its sensors, in the form of `scene.yaml`."""
+"""Describes the scene of a stage, its sensors, and the starter that it is built on."""
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Collection, Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -15,7 +15,7 @@ from lab3_usd.check.robot.ground import boxes, has_ground, lights, planes
 from lab3_usd.check.robot.sensors import CAMERA, LIDAR, enclosing
 from lab3_usd.isaac.load.lab_types import with_lab_types
 from lab3_usd.isaac.values import Value, is_known_type
-from lab3_usd.model.physics import BODY_API, SCENE, collides, is_joint
+from lab3_usd.model.physics import BODY_API, MASS, SCENE, collides, is_joint
 from lab3_usd.model.prims import Prim, is_at_or_below
 from lab3_usd.model.stage import StageModel
 from lab3_usd.model.transforms import IDENTITY, camera_axes
@@ -29,11 +29,12 @@ from lab3_usd.new_lab.robot import (
     pose,
     without_noise,
 )
-from lab3_usd.new_lab.yaml_text import as_typed
+from lab3_usd.new_lab.yaml_text import as_typed, document
 from lab3_usd.spec.graph import GraphSpec
-from lab3_usd.spec.lab import CATALOG, Lab
+from lab3_usd.spec.lab import CATALOG, STARTER, Lab
 from lab3_usd.spec.load.lab import parse_scene
 from lab3_usd.spec.scene import ANYWHERE, SensorSpec
+from lab3_usd.stage.read.plain_scene import PlainPrim, read_plain_scene
 from lab3_usd.stage.read.prims import Authored, authored_attributes
 from lab3_usd.stage.read.stage_reader import read_stage
 
@@ -297,3 +298,64 @@ def _world(subject: StageSubject) -> Iterator[tuple[str, dict[str, str]]]:
 
 def _part(path: str) -> dict[str, str]:
     return {"handout": PART, "usual": path}
+
+
+_STARTER_HEAD = """\
+The starter scene, where `build` is given no other. Masses of links and the robot's pose are in
+scene.yaml. Poses in metres and degrees; `set` has values as USD has them, lengths in units of the
+stage, quaternions as [w, x, y, z]."""
+_NOWHERE = {"translate": [0.0, 0.0, 0.0], "rotate": [0.0, 0.0, 0.0], "scale": [1.0, 1.0, 1.0]}
+
+
+def describe_starter(path: Path, lab: Lab, made: Collection[str]) -> tuple[str, str]:
+    """Describe the starter after the first stage of a lab that has been described.
+
+    It is the text of `starter.yaml`, and why there is none: the scene is no plain one. The prims
+    `made` come with the graphs.
+
+    Raises:
+        StageError: the stage cannot be read.
+    """
+    added = {sensor.path for sensor in lab.sensors.values()}
+    graphs = (graph.path for graph in lab.graphs.values())
+    scene = read_plain_scene(path, {*added, *made, *graphs})
+    robots = lab.scene.robots
+    paths = {prim.path for prim in scene.prims}
+    needed = (path for robot in robots for path in (robot.path, *robot.link_paths))
+    missing = next((path for path in needed if path not in paths), "")
+    reason = scene.reason or (f"{missing} is not in {path.stem}" if missing else "")
+    if reason:
+        return "", f"{STARTER}: {reason}; give the starter to every build"
+    weighed = {
+        robot.path_of(name) for robot in robots for name, link in robot.links.items() if link.mass
+    }
+    tree: dict[str, Any] = {}
+    for prim in scene.prims:
+        inside = tree
+        *above, name = prim.path.split("/")[1:]
+        for outer in above:
+            inside = inside[outer].setdefault("children", {})
+        inside[name] = dict(_starter_prim(prim, lab, weighed))
+    return document(_STARTER_HEAD, {"default_prim": scene.default_prim, "prims": tree}), ""
+
+
+def _starter_prim(prim: PlainPrim, lab: Lab, weighed: set[str]) -> Iterator[tuple[str, Any]]:
+    yield "type", prim.type
+    if prim.doc:
+        yield "doc", prim.doc
+    if prim.apis:
+        yield "apis", list(prim.apis)
+    if prim.local is not None:
+        place = pose(prim.local, lab.scene.stage.meters_per_unit)
+        is_robot = any(prim.path == robot.path for robot in lab.scene.robots)
+        away = {key: value for key, value in place.items() if value != _NOWHERE[key]}
+        yield "pose", {} if is_robot else away
+    values = {
+        name: as_typed(value) if kind is None else {"type": kind, "value": as_typed(value)}
+        for name, kind, value in prim.values
+        if not (name == MASS and prim.path in weighed)
+    }
+    if values:
+        yield "set", values
+    if prim.targets:
+        yield "targets", {name: list(paths) for name, paths in prim.targets}

@@ -22,13 +22,20 @@ from lab3_usd.isaac.behaviour import (
 from lab3_usd.isaac.graph import WIRE
 from lab3_usd.isaac.load.graph_form import GraphEntry, graph_form
 from lab3_usd.isaac.load.node_types import PortEntry, parse_port, parse_types
-from lab3_usd.isaac.load.sensor_models import sensor_models
 from lab3_usd.isaac.names import Names, OtherName
 from lab3_usd.isaac.node_types import INPUT, NodeType
 from lab3_usd.isaac.platform import GraphRuns, Platform, RosNames
 from lab3_usd.isaac.recipes import Recipe
 from lab3_usd.isaac.release_changes import ANY, ReleaseChanges
 from lab3_usd.isaac.releases import BASE, Release, TypeChanges, both_changes, order
+from lab3_usd.isaac.sensor_models import (
+    LidarNames,
+    LongList,
+    SchemaAttribute,
+    SchemaRules,
+    SensorModels,
+    SensorSchema,
+)
 from lab3_usd.yaml_file import as_record, read_record, read_yaml
 
 
@@ -127,6 +134,18 @@ class _Application(Struct, forbid_unknown_fields=True):
     prims: tuple[str, ...]
 
 
+class _SchemaFile(Struct, forbid_unknown_fields=True):
+    about: str
+    schemas: dict[str, SensorSchema]
+
+
+class _ModelFile(Struct, forbid_unknown_fields=True):
+    lidar: LidarNames
+    renamed: dict[str, str]
+    any_type: tuple[str, ...]
+    schemas: dict[str, SchemaRules]
+
+
 def assemble_platform(folder: Path) -> Platform:
     """Read the files of `folder`.
 
@@ -189,7 +208,7 @@ def assemble_platform(folder: Path) -> Platform:
         transform_messages=transform_messages(types),
         needs=_needs(folder, types, releases),
         sensors=sensors,
-        sensor_models=sensor_models(folder),
+        sensor_models=_sensor_models(folder),
         bodies=read_record(folder / "bodies.yaml", dict[str, BodyOf]),
         joints=read_record(folder / "joints.yaml", dict[str, JointsOf]),
         units=read_record(folder / "units.yaml", dict[str, UnitOf]),
@@ -335,6 +354,46 @@ def _needs(
                 if short and INPUT + short not in ports:
                     raise SpecError(f"{where}: {name} has no input '{short}'")
     return needs
+
+
+def _sensor_models(folder: Path) -> SensorModels:
+    """Read the schemas of sensors, and what their values must be.
+
+    Raises:
+        SpecError: a file is missing or wrong.
+    """
+    schemas = read_record(folder / "sensor_schemas.json", _SchemaFile).schemas
+    said = read_record(folder / "sensor_models.yaml", _ModelFile)
+    return SensorModels(
+        {
+            name: replace(
+                schema,
+                attributes={
+                    attribute: replace(said, default=_default(said.default))
+                    for attribute, said in schema.attributes.items()
+                },
+            )
+            for name, schema in schemas.items()
+        },
+        said.schemas,
+        said.lidar,
+        said.renamed,
+        frozenset(said.any_type),
+    )
+
+
+def _read(schema: SensorSchema) -> dict[str, SchemaAttribute]:
+    return {
+        name: replace(said, default=_default(said.default))
+        for name, said in schema.attributes.items()
+    }
+
+
+def _default(said: Any) -> Any:
+    """Return a default as values of stages are: lists become tuples."""
+    if isinstance(said, dict):
+        return LongList(said["length"], _default(said["low"]), _default(said["high"]))
+    return tuple(map(_default, said)) if isinstance(said, list) else said
 
 
 def _load_recipes(folder: Path, types: Mapping[str, NodeType]) -> dict[str, Recipe]:
