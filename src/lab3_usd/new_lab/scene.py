@@ -133,7 +133,9 @@ def describe_sensors(source: Source, sections: Mapping[str, str]) -> dict[str, d
     sensors: dict[str, dict[str, Any]] = {}
     for prim in source.sensors:
         of_lab = _known(prim.type, source.lab)
-        kind = of_lab.kind if of_lab else _word(prim.type)
+        words = re.findall(r"[A-Z][a-z0-9]*|[a-z0-9]+", prim.type)  # vendor, word, Sensor
+        inner = words[1:-1] if len(words) > 2 else words[-1:]  # noqa: PLR2004
+        kind = of_lab.kind if of_lab else "_".join(inner).lower() or "sensor"  # as imu
         taken = sum(sensor["kind"] == kind for sensor in sensors.values())
         name = kind if not taken else f"{kind}_{taken + 1}"
         sensors[name] = _sensor(source, prim, kind, sections[prim.path])
@@ -143,13 +145,6 @@ def describe_sensors(source: Source, sections: Mapping[str, str]) -> dict[str, d
 def _known(type_name: str, lab: Lab) -> SensorSpec | None:
     """Return what the bundled lab says of a sensor of this type, None where it has none."""
     return next((sensor for sensor in lab.sensors.values() if sensor.type == type_name), None)
-
-
-def _word(type_name: str) -> str:
-    """Return a kind for a type without rules of its own: imu for IsaacImuSensor."""
-    words = re.findall(r"[A-Z][a-z0-9]*|[a-z0-9]+", type_name)
-    inner = words[1:-1] if len(words) > 2 else words[-1:]  # noqa: PLR2004 - vendor, word, Sensor
-    return "_".join(inner).lower() or "sensor"
 
 
 def _sensor(source: Source, prim: Prim, kind: str, section: str) -> dict[str, Any]:
