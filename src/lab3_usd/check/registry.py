@@ -259,7 +259,8 @@ def _free_id(rule_id: str) -> str:
 
 def own_rules() -> dict[str, Rule]:
     """Return the rules of one's own, in order of id."""
-    return {name: rule for name, rule in _sorted_by_id().items() if rule.scope == "own"}
+    names = [name for name, registered in _RULES.items() if registered.scope == "own"]
+    return {name: _RULES[name] for name in sorted(names, key=id_order)}
 
 
 def _sorted_by_id() -> dict[str, Rule]:
@@ -370,17 +371,17 @@ def scene_demands() -> tuple[Demands, ...]:
 def import_rules(*families: str) -> None:
     """Import the rules of families, so that asking for them takes no time."""
     for family in families:
-        for module in APART.get(family) or _modules_about_stages(is_lint=family in OF_LINT):
+        for module in APART.get(family) or _modules_about_stages(family in OF_LINT):
             importlib.import_module(f"lab3_usd.check.rules.{module}")
 
 
-def _modules_about_stages(*, is_lint: bool) -> Iterator[str]:
-    """Yield the modules with rules of lint, or else with those of labs."""
+@cache
+def _modules_about_stages(is_lint: bool) -> tuple[str, ...]:  # noqa: FBT001 - a key of the cache
+    """Return the modules with rules of lint, or else with those of labs."""
     apart = {module for modules in APART.values() for module in modules}
-    for file in Path(__file__).with_name("rules").glob("[!_]*.py"):
-        starts = ("lint_", "any_") if is_lint else ("lint_",)
-        if file.stem not in apart and file.stem.startswith(starts) == is_lint:
-            yield file.stem
+    starts = ("lint_", "any_") if is_lint else ("lint_",)
+    names = sorted(file.stem for file in Path(__file__).with_name("rules").glob("[!_]*.py"))
+    return tuple(name for name in names if name not in apart and name.startswith(starts) == is_lint)
 
 
 @cache
