@@ -75,20 +75,16 @@ def grade_submission(
 
     Sets the working directory to the copy for as long as it takes.
     """
+    limits, merge = setup.settings.limits, setup.settings.merge
     try:
-        limits, merge = setup.settings.limits, setup.settings.merge
         staged = stage_submission(task.sources, scratch, limits, merge=merge)
-    except TooLargeError as error:
-        return ungraded_record(setup.rubric, task.student, "too large", str(error), task.name)
-    except ArchiveError as error:
-        return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
-    if task.known and task.known == staged.digest:
-        return {"status": "known", "digest": staged.digest}
-    try:
+        if task.known and task.known == staged.digest:
+            return {"status": "known", "digest": staged.digest}
         with _team_named(setup.lab, task):
             graded = grade_staged(setup, task, staged, announce)
-    except UnknownTeamError as error:
-        return ungraded_record(setup.rubric, task.student, "unreadable", str(error), task.name)
+    except (TooLargeError, ArchiveError, UnknownTeamError) as error:
+        status = "too large" if isinstance(error, TooLargeError) else "unreadable"
+        return ungraded_record(setup.rubric, task.student, status, str(error), task.name)
     if setup.settings.with_report:
         graded["place"] = staged.folder.relative_to(scratch).as_posix()
     return graded
