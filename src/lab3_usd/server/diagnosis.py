@@ -99,8 +99,3 @@ def _changes(
         for (_, site), lines in changes.items()
         if all(line.file == str(file) for line in lines)
     }
-
-
-def repairs_of(diagnosis: Diagnosis, finding: Finding) -> tuple[TextChange, ...]:
-    """Return the lines that repair a finding; none where nothing safe does."""
-    return diagnosis.changes.get(site_of(finding), ())

@@ -12,9 +12,9 @@ from pygls.workspace import TextDocument
 
 from lab3_usd.check.registry import own_rules
 from lab3_usd.data import as_called, rule_address
-from lab3_usd.model.finding import Finding, Severity
+from lab3_usd.model.finding import Finding, Severity, site_of
 from lab3_usd.report.entries import site
-from lab3_usd.server.diagnosis import FIRST_LINE, Diagnosis, diagnose, is_judged, repairs_of
+from lab3_usd.server.diagnosis import FIRST_LINE, Diagnosis, diagnose, is_judged
 from lab3_usd.server.manuals import manual_of
 from lab3_usd.server.places import Lines, Span, Symbol, definition, outline, path_at
 
@@ -194,7 +194,7 @@ def _actions(
     actions = []
     for finding in diagnosis.findings:
         place = _range_of(document, finding)
-        changes = repairs_of(diagnosis, finding)
+        changes = diagnosis.changes.get(site_of(finding), ())
         if not (changes and asked.start.line <= place.start.line <= asked.end.line):
             continue
         edits = [
