@@ -6,7 +6,7 @@ import json
 import os
 from collections.abc import Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import NamedTuple, TypeVar
+from typing import TypeVar
 
 import msgspec
 from msgspec import Struct
@@ -51,13 +51,6 @@ class Baseline(Struct, frozen=True):
     not_judged: tuple[KnownGap, ...] = ()
 
 
-class Compared(NamedTuple):
-    """The new findings of a report, and the findings of the baseline that are resolved."""
-
-    report: Report
-    gone: tuple[KnownFinding, ...]
-
-
 def write_baseline(report: Report, path: Path) -> int:
     """Write every finding of a report as known, and return how many there are."""
     entries = [known_finding for known_finding, _ in _known_findings(report, path)]
@@ -88,10 +81,12 @@ def read_baseline(path: Path) -> Baseline:
     return baseline
 
 
-def without_known(report: Report, path: Path, config: Config) -> Compared:
-    """Take what a baseline knows out of a report.
+def without_known(
+    report: Report, path: Path, config: Config
+) -> tuple[Report, tuple[KnownFinding, ...]]:
+    """Return a report without what a baseline knows, and the known findings that are resolved.
 
-    Gone is what the baseline knows of the files of this report, by the rules that are asked for.
+    These are of the files of this report, and of the rules that are asked for.
 
     Raises:
         UsageError: the baseline cannot be read, or is none.
@@ -128,8 +123,8 @@ def without_known(report: Report, path: Path, config: Config) -> Compared:
     accepted = tuple(
         name for name, gaps in _gaps(report, path) if set(gaps) <= set(baseline.not_judged)
     )
-    compared = replace(report, results=results, submissions=submissions, accepted=accepted)
-    return Compared(compared, gone)
+    new = replace(report, results=results, submissions=submissions, accepted=accepted)
+    return new, gone
 
 
 def _gaps(report: Report, path: Path) -> Iterator[tuple[str, list[KnownGap]]]:

@@ -113,16 +113,16 @@ def without_baseline(report: Report, reporting: Reporting) -> Report:
         click.echo(
             f"{program()}: {count} finding{'s' * (count != 1)} written to {written}", err=True
         )
-    compared = without_known(report, baseline, reporting.config)
-    if compared.gone:
-        click.echo(f"{program()}: {len(compared.gone)} of {given} no longer found:", err=True)
-    for finding in compared.gone:
+    new, gone = without_known(report, baseline, reporting.config)
+    if gone:
+        click.echo(f"{program()}: {len(gone)} of {given} no longer found:", err=True)
+    for finding in gone:
         click.echo(f"  {finding.file}: {finding.rule} {finding.site}", err=True)
-    count = sum(_is_accepted(result, compared.report) for result in compared.report.results)
+    count = sum(_is_accepted(result, new) for result in new.results)
     if count and given is not None:
         stages = f"{count} stage{'s' * (count > 1)}"
         click.echo(f"{program()}: {stages} not judged, for the reasons in {given}", err=True)
-    return compared.report
+    return new
 
 
 def _is_accepted(result: StageResult, report: Report) -> bool:
