@@ -21,7 +21,7 @@ if TYPE_CHECKING:
     from lab3_usd.model.finding import Report, StageResult
     from lab3_usd.model.folder import FolderFile, RecordingShown
     from lab3_usd.model.grade import GradeSummary
-    from lab3_usd.pipeline.results import PlayedResult, Results, Target
+    from lab3_usd.pipeline.results import Results, Target
     from lab3_usd.spec.lab import Lab
 
 FEATURES = (
@@ -130,9 +130,12 @@ def effects_of(stage: Any, platform: Platform) -> frozenset[str]:
     return frozenset() if answer is None else answer(stage, platform)
 
 
-def with_dry_run(result: StageResult) -> PlayedResult:
-    """Return a result with a note for each bad check of a dry run: `check --sim`."""
-    played: PlayedResult = _needed("with_dry_run")(result)
+def with_dry_run(result: StageResult) -> tuple[StageResult, object | None]:
+    """Return a result with a note for each bad check of a dry run, and what a page shows of it.
+
+    That is `check --sim`. Nothing is shown of what was not played.
+    """
+    played: tuple[StageResult, object | None] = _needed("with_dry_run")(result)
     return played
 
 

@@ -148,7 +148,7 @@ def test_what_no_rule_finds_is_noted_in_a_check_under_a_rule_of_its_own(tmp_path
     stage = broken("01", [{"disconnect": "ROS_Clock/ros2_publish_clock.inputs:execIn"}])
     path = saved(stage, tmp_path / "Lab3_01.usda")
     found = replace(check_stage(path), findings=())
-    (note,) = with_dry_run(found).result.findings
+    (note,) = with_dry_run(found)[0].findings
     assert (note.rule, note.severity, note.prim) == ("F07", "note", f"{CLOCK}/ros2_publish_clock")
     assert note.message.startswith("in a dry run (topics): nothing on /clock")
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterable, Iterator, Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any
 
 from msgspec import Struct
 from msgspec.structs import replace
@@ -150,13 +150,6 @@ def crashed(path: str, checkpoint: str | None, how: str, what: str = ENDED) -> S
         hint = "the file may be right: please report this, with the file"
         result = replace(result, findings=tuple(replace(f, hint=hint) for f in result.findings))
     return replace(result, crashes=(Crash(UNREADABLE, reason),))
-
-
-class PlayedResult(NamedTuple):
-    """The result of a stage that was played as well, and what a page shows of the run."""
-
-    result: StageResult
-    drawn: object | None = None
 
 
 def with_findings(result: StageResult, findings: Iterable[Finding]) -> StageResult:

@@ -171,10 +171,9 @@ def _judged(entries: list[Target], judge: Judge, reporting: Reporting) -> Report
     with ends, _progress(judged, len(entries), quiet=reporting.view.quiet) as bar:
         for stages, folders in bar:
             for stage in stages:
-                played = hooks.with_dry_run(stage) if reporting.plays else None
-                result = stage if played is None else played.result
-                if played is not None and played.drawn is not None:
-                    dry_runs[stage.path] = played.drawn
+                result, drawn = hooks.with_dry_run(stage) if reporting.plays else (stage, None)
+                if drawn is not None:
+                    dry_runs[stage.path] = drawn
                 findings = selected_findings(result.findings, result.path, reporting)
                 results.append(with_findings(result, findings))
             submissions += (
