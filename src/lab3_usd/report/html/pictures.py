@@ -24,11 +24,8 @@ _ROUND = 30.0  # room around the box
 _ABOVE = 14.0
 
 
-class _PictureTarget(Struct, frozen=True):
-    """The id of an element of a picture, without prefix, and the view around it."""
-
-    id: str
-    view: str = ""
+# The id of an element of a picture, without prefix, and the view around it, '' for the whole.
+_PictureTarget = tuple[str, str]
 
 
 # Characters in one block, so that the page of a whole submission stays below 400 kB.
@@ -106,9 +103,9 @@ def gallery(
                 lines=shared.lines,
             )
         )
-        for name, target in targets[shared.id].items() if shared.id in drawn else ():
-            element = f"{shared.id}-{target.id}"
-            link = PortLink(element, shared.id, picture.title, shared.stages, target.view)
+        for name, (port, view) in targets[shared.id].items() if shared.id in drawn else ():
+            element = f"{shared.id}-{port}"
+            link = PortLink(element, shared.id, picture.title, shared.stages, view)
             links.setdefault(name, []).append(link)
     return pictures, {name: tuple(ways[:MOST_LINKS]) for name, ways in links.items()}
 
@@ -136,13 +133,13 @@ def _svg(
     faults: Mapping[str, ReportedFault],
 ) -> str:
     links: dict[str, str] = {}
-    for name, target in targets.items():
-        links.setdefault(target.id, f"#{name}")
+    for name, (target, _) in targets.items():
+        links.setdefault(target, f"#{name}")
     boxes = _boxes_of(shared.picture)
     for fault in map(faults.__getitem__, targets):
         if boxes:
-            for target in _related_targets(fault.finding, shared.picture, boxes):
-                links.setdefault(target.id, f"#{fault.id}")
+            for target, _ in _related_targets(fault.finding, shared.picture, boxes):
+                links.setdefault(target, f"#{fault.id}")
     text = svg(shared.picture, f"{shared.id}-", links)
     # The parts beside the faults are drawn from this element; what has links is no image.
     role = 'role="group"' if links else 'role="img"'
@@ -174,7 +171,7 @@ def _target_of(finding: Finding, picture: Picture, boxes: Mapping[str, Box]) -> 
         name = re.escape(box.key.rpartition("/")[2].removesuffix("_missing"))
         if box.state == "missing" and re.search(rf"\({name}\)", finding.message):
             return _target_in(box, None, picture)
-    return _PictureTarget(port_id(picture.path))
+    return port_id(picture.path), ""
 
 
 def _related_targets(
@@ -190,8 +187,8 @@ def _related_targets(
 def _target_in(box: Box, prop: str | None, picture: Picture) -> _PictureTarget:
     row = None if prop is None else box.row(prop)
     if row is None:
-        return _PictureTarget(port_id(box.key), _view(box, HEADER, picture))
-    return _PictureTarget(port_id(box.key, row.port), _view(box, row.y, picture))
+        return port_id(box.key), _view(box, HEADER, picture)
+    return port_id(box.key, row.port), _view(box, row.y, picture)
 
 
 def _view(box: Box, down: float, picture: Picture) -> str:
