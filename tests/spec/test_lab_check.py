@@ -540,6 +540,22 @@ def test_a_target_that_a_stage_has_beside_the_starter_is_no_error(folder: Path) 
     assert invoke("lab", "check", folder, "--from", stage).exit_code == 0
 
 
+@pytest.mark.parametrize("path", ["/World/Belt", "/World/ROS_Clock/ros2_context"])
+def test_a_target_that_only_the_lab_makes_is_an_error(folder: Path, path: str) -> None:
+    """`build` refuses it as well: a thing, and a node of another graph, come with the graphs."""
+    belt = {"path": "/World/Belt", "handout": "A1", "type": "Cube", "from": "02"}
+    edited(folder, "scene.yaml", lambda said: said.update(props={"belt": belt}))
+    edited(
+        folder,
+        "ROS_Drive.yaml",
+        lambda said: said["nodes"]["articulation_controller"]["targets"]["C10"].update(
+            targetPrim=[path]
+        ),
+    )
+    key = "ROS_Drive.yaml: articulation_controller: targetPrim"
+    assert checked(folder)[1][0].startswith(f"error {key}: '{path}' is not a prim")
+
+
 def test_a_folder_that_describes_no_lab_is_said_to_be_empty_or_without_checkpoints(
     tmp_path: Path,
 ) -> None:

@@ -46,13 +46,16 @@ class KnownScenes(Struct, frozen=True):
         is_there = path in self.prims or path in self.made
         return is_there or self.is_open(path) or any(t.stands_at(path) for t in self.things)
 
+    def is_hidden(self, path: str) -> bool:
+        """Whether a prim may come with what one of a scene refers to."""
+        return any(f"{path}/".startswith(scene.open_below) for scene in self.scenes)
+
     def is_open(self, path: str) -> bool:
-        """Whether a prim may come with what another one refers to."""
+        """Whether a prim may come with what a prim of a scene or a thing refers to."""
         names = path.split("/")
         above = ["/".join(names[:length]) for length in range(2, len(names))]
-        return any(f"{path}/".startswith(scene.open_below) for scene in self.scenes) or any(
-            thing.stands_at(place) for thing in self.things if thing.asset for place in above
-        )
+        assets = [thing for thing in self.things if thing.asset]
+        return self.is_hidden(path) or any(t.stands_at(place) for t in assets for place in above)
 
     def lacks(
         self,
@@ -110,7 +113,7 @@ def scene_faults(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
     if scenes.scenes:
         yield from _target_faults(lab, scenes)
         for key, path, is_there in _parts(lab, scenes.prims):
-            if not is_there and not scenes.has(path):
+            if not is_there and not scenes.is_hidden(path):
                 yield scenes.lacks(path, SCENE, key)
         yield from _misspelled_parents(lab, scenes)
 
@@ -246,13 +249,15 @@ def _unequal_sensors(lab: Lab) -> Iterator[LabFault]:
 
 
 def _target_faults(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
-    """Yield the targets that are in no scene, neither the lab's own starter nor a stage."""
+    """Yield the targets that `build` does not find: in no scene, no sensor, not in their graph."""
+    sensors = {sensor.path for sensor in lab.sensors.values()}
     for graph in lab.graphs.values():
+        paths = scenes.prims | sensors | {graph.path, *(f"{graph.path}/{r}" for r in graph.nodes)}
         for node in graph.nodes.values():
             for target in node.targets:
                 key = f"{node.role}: {target.port.partition(':')[2]}"
                 for path in target.prims:
-                    if not scenes.has(path):
+                    if path not in paths and not scenes.is_hidden(path):
                         yield scenes.lacks(path, file_of(graph), key)
 
 
