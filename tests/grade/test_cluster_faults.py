@@ -77,8 +77,8 @@ import os, signal, sys
 sys.path[:0] = sys.argv[1:]
 from lab3_usd.grade.workers import worker_main
 from lab3_usd.grade.workers import submission_grading
-def killed(_folder, settings):
-    settings.may_open.args[0].announce("work/stage.usda")
+def killed(_folder, _settings, *, may_open, **_options):
+    may_open.args[0].announce("work/stage.usda")
     os.kill(os.getpid(), signal.SIGKILL)
 submission_grading.check_folder = killed
 worker_main.serve()
