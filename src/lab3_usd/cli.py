@@ -44,14 +44,12 @@ _NO_THREAD = "can't start new thread"  # how Python says it
 class LazyGroup(click.Group):
     """A group whose commands are imported when they are run."""
 
-    def list_commands(self, ctx: click.Context) -> list[str]:
+    def list_commands(self, _ctx: click.Context) -> list[str]:
         """Name the commands, group by group."""
-        del ctx
         return list(all_commands())
 
-    def get_command(self, ctx: click.Context, cmd_name: str) -> click.Command | None:
+    def get_command(self, _ctx: click.Context, cmd_name: str) -> click.Command | None:
         """Import one command; None when there is no such command."""
-        del ctx
         listed = command_named(cmd_name)
         if listed is None:
             return None
@@ -60,16 +58,14 @@ class LazyGroup(click.Group):
         command.epilog = as_called("\n".join(("\b", "Examples:", *calls)))
         return command
 
-    def format_commands(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_commands(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """List the commands from the table, so that help imports none of them."""
-        del ctx
         for users, commands in groupby(all_commands().items(), lambda item: item[1].users):
             with formatter.section(f"Commands for {users}"):
                 formatter.write_dl([(name, command.text) for name, command in commands])
 
-    def format_epilog(self, ctx: click.Context, formatter: click.HelpFormatter) -> None:
+    def format_epilog(self, _ctx: click.Context, formatter: click.HelpFormatter) -> None:
         """Show examples."""
-        del ctx
         with formatter.section("Examples"):
             examples = [(as_called(line), text) for line, text in EXAMPLES.items()]
             formatter.write_dl(examples, col_max=50)

@@ -8,9 +8,8 @@ from lab3_usd.report.options import Options, Rules
 from lab3_usd.report.safe_text import visible
 
 
-def render(report: Report, rules: Rules | None, options: Options) -> str:
+def render(report: Report, _rules: Rules | None, _options: Options) -> str:
     """Return the findings; one without a known line stands at the start of its file."""
-    del rules, options
     lines = []
     for entry in entries(report):
         finding = entry.finding

@@ -14,9 +14,8 @@ COLUMNS = ("path", "checkpoint", *FINDING_FIELDS)
 _SEVERITIES = {"baseline": "hidden", "not judged": "not judged"}
 
 
-def render(report: Report, rules: Rules | None, options: Options) -> str:
+def render(report: Report, _rules: Rules | None, _options: Options) -> str:
     """Return the table with its heading; lines end in CR LF."""
-    del rules, options
     rows: list[dict[str, object]] = []
     for entry in entries(report):
         values = {name: getattr(entry.finding, name) for name in FINDING_FIELDS}

@@ -17,9 +17,8 @@ from lab3_usd.report.safe_text import visible
 COMMANDS: dict[Severity, str] = {"error": "error", "warning": "warning", "note": "notice"}
 
 
-def render(report: Report, rules: Rules | None, options: Options) -> str:
+def render(report: Report, _rules: Rules | None, options: Options) -> str:
     """Return one workflow command a line."""
-    del rules
     lines = []
     for entry in entries(report):
         finding = entry.finding

@@ -11,9 +11,8 @@ from lab3_usd.report.safe_text import json_text, visible
 SEVERITY_NAMES: dict[Severity, str] = {"error": "major", "warning": "minor", "note": "info"}
 
 
-def render(report: Report, rules: Rules | None, options: Options) -> str:
+def render(report: Report, _rules: Rules | None, options: Options) -> str:
     """Return the array of issues; GitLab shows one of several that share a fingerprint."""
-    del rules
     issues: list[dict[str, object]] = []
     for entry, fingerprint_text in fingerprinted(report):
         finding = entry.finding

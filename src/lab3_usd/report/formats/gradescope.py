@@ -17,13 +17,12 @@ VISIBILITIES = ("hidden", "after_due_date", "after_published", "visible")
 Json = dict[str, Any]
 
 
-def render(report: Report, rules: Rules | None, options: Options) -> str:
+def render(report: Report, _rules: Rules | None, options: Options) -> str:
     """Return the results of one submission: the points of its grade, if any, and what was found.
 
     Raises:
         UsageError: Gradescope knows no such visibility.
     """
-    del rules
     if options.visibility not in VISIBILITIES:
         names = ", ".join(VISIBILITIES)
         raise UsageError(f"there is no visibility '{options.visibility}'; Gradescope knows {names}")

@@ -22,9 +22,8 @@ VERSION = 2
 Json = dict[str, Any]
 
 
-def render(report: Report, rules: Rules | None, options: Options) -> str:
+def render(report: Report, _rules: Rules | None, options: Options) -> str:
     """Return the report as indented JSON in ASCII; verbose adds the requirements."""
-    del rules
     return json_text(report_json(report, requirements=options.verbosity == "verbose"), 2)
 
 

@@ -10,13 +10,12 @@ from lab3_usd.report.formats.json_report import finding_json
 from lab3_usd.report.options import Options, Rules
 
 
-def render(report: Report, rules: Rules | None, options: Options) -> str:
+def render(report: Report, _rules: Rules | None, _options: Options) -> str:
     """Return a line for each finding, then one for each gap and for each rule that failed.
 
     They have the keys `not_judged` and `crash`. One with the key `hidden` counts what the baseline
     hides of a file, by severity.
     """
-    del rules, options
     rows: list[dict[str, object]] = [
         {"path": entry.path, "checkpoint": entry.checkpoint, **finding_json(entry.finding)}
         for entry in entries(report)

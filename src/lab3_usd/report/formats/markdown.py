@@ -26,9 +26,8 @@ HEADING = ("Severity", "Rule", "Where", "What is wrong", "Hint", "Handout")
 _MARKUP = re.compile(r"([\\`*_{}\[\]<>()#+.!|~&$^:@=-])")
 
 
-def render(report: Report, rules: Rules | None, options: Options) -> str:
+def render(report: Report, _rules: Rules | None, _options: Options) -> str:
     """Return a heading, a table for each file and a summary."""
-    del rules, options
     is_of_lab = not is_lint(report)
     blocks = [f"# {load_lab().title} check" if is_of_lab else "# Isaac Sim lint"]
     for result in report.results:
