@@ -556,6 +556,15 @@ def test_a_target_that_only_the_lab_makes_is_an_error(folder: Path, path: str) -
     assert checked(folder)[1][0].startswith(f"error {key}: '{path}' is not a prim")
 
 
+def test_a_thing_may_name_what_a_graph_holds(folder: Path) -> None:
+    belt = {"path": "/World/Belt", "handout": "A1", "type": "Cube", "from": "02"}
+    targets = {"proxyPrim": ["/World/ROS_Clock/compound/inner"]}
+    edited(
+        folder, "scene.yaml", lambda said: said.update(props={"belt": belt | {"targets": targets}})
+    )
+    assert load_lab(folder).scene.props["belt"].targets["proxyPrim"] == (*targets["proxyPrim"],)
+
+
 def test_a_folder_that_describes_no_lab_is_said_to_be_empty_or_without_checkpoints(
     tmp_path: Path,
 ) -> None:

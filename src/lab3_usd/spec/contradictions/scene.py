@@ -268,7 +268,7 @@ def prop_faults(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
         yield from _other_asset(lab, name, prop, scenes)
         if scenes.scenes:
             yield from _unmade(name, prop, scenes)
-            yield from _absent_targets(name, prop, scenes)
+            yield from _absent_targets(lab, name, prop, scenes)
     if scenes.scenes:
         yield from _absent_removals(lab, scenes)
 
@@ -318,11 +318,12 @@ def _makes(prop: PropSpec) -> bool:
     return prop.since != "" and bool(prop.type or prop.asset)
 
 
-def _absent_targets(name: str, prop: PropSpec, scenes: KnownScenes) -> Iterator[LabFault]:
+def _absent_targets(lab: Lab, name: str, prop: PropSpec, scenes: KnownScenes) -> Iterator[LabFault]:
     for key, paths in prop.targets.items():
         for target in paths:
             path = target.partition(".")[0]
-            if not scenes.has(path):
+            is_inside = any(stands_within(path, graph.path) for graph in lab.graphs.values())
+            if not is_inside and not scenes.has(path):
                 yield scenes.lacks(path, SCENE, f"props: {name}: targets: {key}")
 
 
