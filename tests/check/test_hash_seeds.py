@@ -11,8 +11,9 @@ from pathlib import Path
 from unittest.mock import patch
 
 from breaking import broken
+from other_labs import files_below
 from places import REPOSITORY, TESTS
-from starters import files_below, layered_starter
+from starters import layered_starter
 
 SCRIPT = """
 import os, sys

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import IO, Any, cast
 
 import pytest
-from other_labs import LAB, in_force
+from other_labs import LAB, files_below, in_force
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdLux, UsdPhysics
 from starters import (
     BASE_SCAN,
@@ -19,7 +19,6 @@ from starters import (
     binary_starter,
     changed,
     extra_prims,
-    files_below,
     layered_starter,
     offline_room,
     reordered,
