@@ -24,6 +24,7 @@ from lab3_usd.stage.read.properties import authored_data, elements
 
 ORDER = "xformOpOrder"
 RESET = "!resetXformStack!"
+_INVERSE = "!invert!"
 _SIXTEEN = Struct("16d")
 _SHORTEST = 1e-10  # length of an axis that is one, as in Gf
 
@@ -106,7 +107,7 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:
     # Iterating over a Vt type is five times as slow as asking for its elements.
     names = [order[index] for index in range(len(order))]
     if not all(name in _USUAL for name in names):
-        return _composed_by_usdgeom(prim)
+        return _composed_by_usdgeom(prim, names)
     matrix = IDENTITY
     for name in names:
         value = Usd.Attribute.Get(Usd.Prim.GetAttribute(prim, name))
@@ -120,17 +121,25 @@ def _composed(prim: Usd.Prim, order: Any) -> tuple[Matrix, bool]:
 
 
 @quiet()  # UsdGeom warns of names that are no operations
-def _composed_by_usdgeom(prim: Usd.Prim) -> tuple[Matrix, bool]:
-    """Compose operations of any kind, without those whose values UsdGeom refuses."""
+def _composed_by_usdgeom(prim: Usd.Prim, names: Iterable[str]) -> tuple[Matrix, bool]:
+    """Compose operations of any kind, without those that UsdGeom refuses.
+
+    They are asked for one by one: of all at once it gives none where it refuses one.
+    """
     from pxr import UsdGeom
 
-    xform = UsdGeom.Xformable(prim)
-    matrix = IDENTITY
-    for operation in xform.GetOrderedXformOps():
+    matrix, is_reset = IDENTITY, False
+    for name in names:
+        if name == RESET:
+            matrix, is_reset = IDENTITY, True
+            continue
         with suppress(Tf.ErrorException):
-            numbers = operation.GetOpTransform(Usd.TimeCode.Default())
-            matrix = multiply(_SIXTEEN.unpack(numbers), matrix)
-    return matrix, xform.GetResetXformStack()
+            attribute = prim.GetAttribute(name.removeprefix(_INVERSE))
+            if attribute:
+                operation = UsdGeom.XformOp(attribute, isInverseOp=name.startswith(_INVERSE))
+                numbers = operation.GetOpTransform(Usd.TimeCode.Default())
+                matrix = multiply(_SIXTEEN.unpack(numbers), matrix)
+    return matrix, is_reset
 
 
 def _translation(value: Any) -> Matrix:
