@@ -205,6 +205,15 @@ def test_the_receipt_names_the_user_of_blackboard(tmp_path: Path) -> None:
     ]
 
 
+def test_a_receipt_that_is_a_link_is_not_followed(tmp_path: Path) -> None:
+    (tmp_path / "notes").write_text(receipt("Ann Lens", "a_lens"))
+    folder = tmp_path / "class"
+    folder.mkdir()
+    (folder / f"Lab 3_a_lens_{ATTEMPT}.txt").symlink_to(tmp_path / "notes")
+    (found,) = find_submissions(folder)
+    assert (found.student, found.people) == ("lens", (Person("", {BLACKBOARD_USER: "lens"}),))
+
+
 def test_a_receipt_at_an_address_is_read_too() -> None:
     fsspec = pytest.importorskip("fsspec", reason="fsspec is not installed")
     storage = fsspec.filesystem("memory")

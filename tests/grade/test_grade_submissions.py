@@ -322,3 +322,10 @@ def test_metadata_beyond_the_limit_is_not_read_and_said(tmp_path: Path) -> None:
     (line,) = said_of(tmp_path)
     assert "larger than" in line
     assert line.endswith("submission_11")
+
+
+def test_metadata_behind_a_link_that_cannot_be_followed_is_said(tmp_path: Path) -> None:
+    (tmp_path / "submission_metadata.yml").symlink_to("a" * 300)  # the system refuses the name
+    handed(tmp_path, "submission_11/work/")
+    (line,) = said_of(tmp_path)
+    assert "(it cannot be read: File name too long)" in line
