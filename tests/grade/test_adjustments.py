@@ -128,12 +128,15 @@ LATE_TABLES = {
     "days": "student,days\njane,2\njoe,0\nnobody,\n",
     "times": "student,submitted,deadline\n"
     "jane,2026-11-22 08:00,2026-11-20 23:59\njoe,2026-11-20 23:59,2026-11-20 23:59\n",
+    "points": "student,item,points,text,days\njane,clock,,neat,2\n",
     "zones": "student,submitted,deadline\njane,2026-11-22T04:59Z,2026-11-20T23:59-05:00\n",
 }
 
 
 @pytest.mark.parametrize(
-    ("table", "days"), [("days", 2), ("times", 2), ("zones", 1)], ids=list(LATE_TABLES)
+    ("table", "days"),
+    [("days", 2), ("times", 2), ("points", 2), ("zones", 1)],
+    ids=list(LATE_TABLES),
 )
 def test_days_late_come_from_a_table_of_days_or_of_times(here: Path, table: str, days: int) -> None:
     with_price(here)

@@ -130,8 +130,10 @@ def decisions_in(
             text, wrong points or days, or repeats another one.
     """
     roll = Roll(students)
-    kept, decided = _lines(out / ADJUSTMENTS), _lines(given.decisions)
-    kept_late, given_late = _lines(out / LATE), _lines(given.late)
+    kept, decided = (_lines(table, _OF_POINTS) for table in (out / ADJUSTMENTS, given.decisions))
+    kept_late, given_late = (
+        _lines(table, _OF_DAYS, _OF_TIMES) for table in (out / LATE, given.late)
+    )
     counted, late = decided or kept, given_late or kept_late
     if counted is None and late is None:
         return None
@@ -158,14 +160,13 @@ def keep_copy(copy: Path, file: Path | None) -> None:
         write_whole(copy, file.read_bytes(), force=True)
 
 
-def _lines(path: Path | None) -> _Lines | None:
-    """Read a table of a grader; None where none is given, or where a copy is not there."""
+def _lines(path: Path | None, *forms: tuple[str, ...]) -> _Lines | None:
+    """Read a table of one of these forms; None where none is given, or a copy is not there."""
     if path is None or (path.name in {ADJUSTMENTS, LATE} and not path.is_file()):
         return None
     table = read_text_table(path)
     headings = [heading.casefold() for heading in table.headings] if table.rows else []
     columns = {name: headings.index(name) for name in headings}
-    forms = (_OF_POINTS, _OF_DAYS, _OF_TIMES)
     form = next((form for form in forms if columns.keys() >= set(form)), ())
     lines = []
     for row in table.lines:
@@ -178,7 +179,7 @@ def _lines(path: Path | None) -> _Lines | None:
 
 def _adjustments(table: _Lines, rubric: Rubric, roll: Roll) -> dict[str, dict[str, Adjustment]]:
     """Return what a table of decisions says, by student and item."""
-    if table.form != _OF_POINTS:
+    if not table.form:
         raise UsageError(f"{table.path}: needs the columns {', '.join(_OF_POINTS)}")
     points = {item.id: item.points for item in rubric.items}
     points[WHOLE] = sum(points.values())
@@ -224,7 +225,7 @@ def _points(amount: str, most: float, place: str) -> float | None:
 
 def _late(table: _Lines, rubric: Rubric, roll: Roll) -> dict[str, Adjustment]:
     """Return who is late by a table of days, or of times and deadlines; a day begun counts."""
-    if table.form not in {_OF_DAYS, _OF_TIMES}:
+    if not table.form:
         raise UsageError(
             f"{table.path}: needs the columns {', '.join(_OF_DAYS)} or {', '.join(_OF_TIMES)}"
         )
