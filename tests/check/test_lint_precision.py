@@ -93,6 +93,8 @@ def test_the_clock_of_a_menu_has_no_fault_in_an_earlier_release(release: str) ->
         ("isaacsim.zmq.nodes.ZMQPublishClock", "6.0", "K30"),
         ("isaacsim.zmq.nodes.ZMQPublishClock", "6.1", None),
         ("omni.physx.graph.OnTriggerCollider", "5.0", None),
+        ("omni.isaac.core_nodes.IsaacReadSimulatinTime", "6.0", "K32"),
+        ("isaacsim.core.nodes.IsaacReadSimulatinTime", "6.0", "K30"),
     ],
 )
 def test_a_type_is_judged_by_the_release_that_is_asked_for(

@@ -11,6 +11,7 @@ from lab3_usd.facts.likely_names import did_you_mean, is_unregistered, meant_typ
 from lab3_usd.facts.saved_releases import ended_renaming, saved_by
 from lab3_usd.facts.stalled_nodes import nodes_of_unknown_type
 from lab3_usd.isaac.node_types import INPUT
+from lab3_usd.isaac.platform import Platform
 from lab3_usd.isaac.releases import order
 from lab3_usd.model.changes import SetValue
 from lab3_usd.model.finding import Problem
@@ -52,8 +53,17 @@ def unregistered_type(subject: LintSubject) -> Iterator[Problem]:
                 actual=node.saved_type,
                 severity="warning",
             )
-        elif is_unregistered(node.type_name, subject.platform):
+        elif _is_none(node, subject.platform):
             yield _unregistered(node, subject)
+
+
+def _is_none(node: Node, platform: Platform) -> bool:
+    """Whether a type is surely none of a release.
+
+    Where no release has it, the name in the file tells: Isaac Sim may know more of the old names.
+    """
+    has_releases = bool(platform.releases_of(node.type_name))
+    return is_unregistered(node.type_name if has_releases else node.saved_type, platform)
 
 
 def _unregistered(node: Node, subject: LintSubject) -> Problem:
@@ -116,7 +126,7 @@ def unknown_type(subject: LintSubject) -> Iterator[Problem]:
     """
     paths_by_type: dict[str, list[str]] = {}
     for node in nodes_of_unknown_type(subject.stage):
-        if node.saved_type and not is_unregistered(node.type_name, subject.platform):
+        if node.saved_type and not _is_none(node, subject.platform):
             paths_by_type.setdefault(node.saved_type, []).append(node.path)
     for name, paths in paths_by_type.items():
         more = f" and {len(paths) - 1} more" if len(paths) > 1 else ""
