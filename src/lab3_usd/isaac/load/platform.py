@@ -365,16 +365,7 @@ def _sensor_models(folder: Path) -> SensorModels:
     schemas = read_record(folder / "sensor_schemas.json", _SchemaFile).schemas
     said = read_record(folder / "sensor_models.yaml", _ModelFile)
     return SensorModels(
-        {
-            name: replace(
-                schema,
-                attributes={
-                    attribute: replace(said, default=_default(said.default))
-                    for attribute, said in schema.attributes.items()
-                },
-            )
-            for name, schema in schemas.items()
-        },
+        {name: replace(schema, attributes=_read(schema)) for name, schema in schemas.items()},
         said.schemas,
         said.lidar,
         said.renamed,
