@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import os
-import re
 import shutil
 from contextlib import nullcontext
 from pathlib import Path
@@ -315,14 +314,13 @@ WRONG = {
 @pytest.mark.parametrize(("text", "said"), WRONG.values(), ids=WRONG)
 def test_a_wrong_file_is_named_with_what_is_wrong(wrong: Path, text: str, said: str) -> None:
     path = set_up(wrong.parent, text)
-    with pytest.raises(UsageError, match=re.escape(said)):
-        config_for([str(wrong)])
-    with pytest.raises(UsageError) as error:
-        load_config(path)
-    assert str(error.value).startswith(str(path))
-    assert said in str(error.value)
-    line, column = map(int, str(error.value).rpartition(f", at {path}:")[2].split(":"))
-    assert column <= len(path.read_text().splitlines()[line - 1]) + 1
+    for read in (lambda: config_for([str(wrong)]), lambda: load_config(path)):
+        with pytest.raises(UsageError) as error:
+            read()
+        assert str(error.value).startswith(str(path))
+        assert said in str(error.value)
+        line, column = map(int, str(error.value).rpartition(f", at {path}:")[2].split(":"))
+        assert column <= len(path.read_text().splitlines()[line - 1]) + 1
 
 
 def test_a_wrong_rule_is_said_with_its_place(wrong: Path) -> None:

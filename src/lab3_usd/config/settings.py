@@ -67,8 +67,9 @@ def config_for(paths: Iterable[str], option: str = "--config") -> Config:
         return Config()
     from lab3_usd.check.own_rules import ENDING
 
-    names = _names(read_table(file).get("rules", []), f"{file}: rules", _SOURCES)
-    programs = [name for name in names if name.endswith(ENDING)]
+    rules = read_table(file).get("rules")
+    listed = rules if isinstance(rules, list) else ()  # another is refused with its place below
+    programs = [str(name) for name in listed if str(name).endswith(ENDING)]
     if programs:
         raise UsageError(
             f"{file}: rules names {', '.join(programs)}, which would run as a program; if you "
@@ -123,9 +124,6 @@ def _value(file: Path, key: str, written: Any) -> Any:
     return _KEYS[key](written, f"{file}: {key}", file.parent)
 
 
-_SOURCES = "Python files and entry points"
-
-
 def _names(value: Any, where: str, what: str) -> tuple[str, ...]:
     if not isinstance(value, list) or not all(isinstance(item, str) for item in value):
         raise UsageError(f"{where} is {value!r}, expected a list of {what}")
@@ -141,7 +139,7 @@ def _own_rules(value: Any, where: str, folder: Path) -> tuple[str, ...]:
 
     sources = tuple(
         str(_path(name, where, folder).absolute()) if name.endswith(ENDING) else name
-        for name in _names(value, where, _SOURCES)
+        for name in _names(value, where, "Python files and entry points")
     )
     add_own_rules(sources)
     return sources
