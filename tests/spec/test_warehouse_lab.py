@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import csv
 import json
+import re
 import shutil
 from collections.abc import Callable, Collection, Mapping, Sequence
 from pathlib import Path
@@ -502,12 +503,13 @@ def test_a_bonus_that_is_not_handed_in_is_not_missing(built: Path, tmp_path: Pat
     assert missing == ["the stage of checkpoint 4 is missing"]
 
 
-def test_a_placeholder_that_nobody_fills_in_is_refused(tmp_path: Path) -> None:
+@pytest.mark.parametrize("written", ["{squad}", "{team:s}", "{{team}"])
+def test_a_placeholder_that_nobody_fills_in_is_refused(written: str, tmp_path: Path) -> None:
     copy = tmp_path / "lab"
     shutil.copytree(WAREHOUSE, copy)
     file = copy / "checkpoints.yaml"
-    file.write_text(file.read_text().replace("{team}", "{squad}"))
-    with pytest.raises(SpecError, match=r"files: '\{squad\}' is not a placeholder"):
+    file.write_text(file.read_text().replace("{team}", written))
+    with pytest.raises(SpecError, match=re.escape(f"files: '{written}' is not a placeholder")):
         load_lab(copy)
 
 

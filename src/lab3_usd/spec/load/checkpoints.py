@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import re
 from collections.abc import Collection, Iterable, Mapping
-from string import Formatter
 from typing import Any, ClassVar
 
 from msgspec import Struct
@@ -21,10 +20,11 @@ from lab3_usd.spec.lab import (
     Removal,
 )
 from lab3_usd.spec.scene import SensorSpec
+from lab3_usd.spec.submission import TEAM
 from lab3_usd.yaml_file import as_record
 
 FORMAT = 1  # of the files of a lab; what is older than that has no number
-_PLACEHOLDERS = ("id", "name", "team")
+_PLACEHOLDERS = ("{id}", "{name}", TEAM)
 _ID = re.compile(r"[A-Za-z0-9][A-Za-z0-9_-]*")
 _REFERENCES = frozenset({"from", "pose_is_error_until"})  # keys whose values name a checkpoint
 _UNTIL = "until"  # the key whose own keys do
@@ -136,7 +136,10 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     if "{id}" not in content.files:
         wrong = f"'{content.files}' does not contain {{id}}, which distinguishes stages"
         raise SpecError(f"{CHECKPOINTS}: files: {wrong}")
-    refuse_placeholders(content.files, _PLACEHOLDERS, f"{CHECKPOINTS}: files")
+    for written in re.findall(r"\{[^}]*\}?", content.files):  # which is filled in as it stands
+        if written not in _PLACEHOLDERS:
+            known = f"no file can match; known are {', '.join(_PLACEHOLDERS)}"
+            raise SpecError(f"{CHECKPOINTS}: files: '{written}' is not a placeholder: {known}")
     frames = content.frames.joined if content.frames.trees else content.frames
     entries = _entries(content.checkpoints)
     ids = {key: entry.id or key for key, entry in entries.items()}
@@ -147,22 +150,6 @@ def read_checkpoint_file(data: Mapping[str, Any]) -> CheckpointFile:
     return CheckpointFile(
         content.title, content.files, entries, ids, content.policy, frames, content.handout
     )
-
-
-def refuse_placeholders(text: str, allowed: tuple[str, ...], where: str) -> None:
-    """Refuse what is written like a placeholder and is none.
-
-    Raises:
-        SpecError: there is one; the line opens with `where`.
-    """
-    try:
-        placeholders = [name for _, name, _, _ in Formatter().parse(text) if name is not None]
-    except ValueError as error:
-        raise SpecError(f"{where}: {error}") from error
-    for name in placeholders:
-        if name not in allowed:
-            listed = ", ".join(f"{{{each}}}" for each in allowed)
-            raise SpecError(f"{where}: '{{{name}}}' is not a placeholder; known are {listed}")
 
 
 def _entries(specs: Mapping[str, Any]) -> dict[str, CheckpointEntry]:

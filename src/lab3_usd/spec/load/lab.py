@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Mapping
 from pathlib import Path
+from string import Formatter
 from typing import Any
 
 from msgspec import UNSET, Struct, UnsetType
@@ -19,7 +20,6 @@ from lab3_usd.spec.lab import CHECKPOINTS, ROS, RUBRIC, SCENE, SUBMISSION, Lab, 
 from lab3_usd.spec.load.checkpoints import (
     accumulate,
     read_checkpoint_file,
-    refuse_placeholders,
     with_ids,
 )
 from lab3_usd.spec.load.graph_file import parse_graph
@@ -81,7 +81,7 @@ def _ros_spec(data: Mapping[str, Any]) -> ros.RosSpec:
             ("run", kind.run, ("of", "to")),
             ("file", kind.file, ("name",)),
         ):
-            refuse_placeholders(text, placeholders, f"{ROS}: evidence: {name}: {key}")
+            _refuse_placeholders(text, placeholders, f"{ROS}: evidence: {name}: {key}")
     return ros.RosSpec(
         system=content.system,
         topics=records(content.topics, ros.TopicSpec, f"{ROS}: topics"),
@@ -106,6 +106,18 @@ def _navigation(given: dict[str, Any] | None) -> ros.NavigationSpec | None:
     usual = {} if is_whole else _bundled_ros()["navigation"]
     usual.pop("handout", None)
     return as_record({**usual, **given}, ros.NavigationSpec, f"{ROS}: navigation")
+
+
+def _refuse_placeholders(text: str, allowed: tuple[str, ...], where: str) -> None:
+    """Refuse what is written like a placeholder and is none."""
+    try:
+        placeholders = [name for _, name, _, _ in Formatter().parse(text) if name is not None]
+    except ValueError as error:
+        raise SpecError(f"{where}: {error}") from error
+    for name in placeholders:
+        if name not in allowed:
+            listed = ", ".join(f"{{{each}}}" for each in allowed)
+            raise SpecError(f"{where}: '{{{name}}}' is not a placeholder; known are {listed}")
 
 
 def _bundled_ros() -> dict[str, Any]:
