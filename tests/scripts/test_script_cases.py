@@ -47,3 +47,9 @@ def test_a_port_that_a_node_lacks_is_named_with_the_one_that_is_meant(tmp_path: 
     result = lint(case.read_text(encoding="utf-8").replace("topicName", "topicNames"), tmp_path)
     told = {(f.rule, f.expected, f.actual) for f in result.findings if f.severity == "error"}
     assert told == {("B01", "inputs:topicName", "inputs:topicNames")}
+
+
+def test_a_graph_tells_each_of_its_variables_once(tmp_path: Path) -> None:
+    (case,) = (case for case in CASES if case.stem == "variable_that_is_not_created")
+    result = lint(case.read_text(encoding="utf-8"), tmp_path)
+    assert [f.expected for f in result.findings if f.rule == "K99"] == ["volts"]

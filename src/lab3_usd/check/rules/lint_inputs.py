@@ -375,7 +375,7 @@ def _variables(path: str, stage: StageModel) -> list[str]:
         if graph.path in above:
             written = (name for name in graph.attributes if name.startswith(VARIABLE))
             names += (*graph.variables, *(name.removeprefix(VARIABLE) for name in written))
-    return names
+    return [*dict.fromkeys(names)]
 
 
 def _prim_and_property(node: Node, subject: LintSubject) -> Iterator[Problem]:
