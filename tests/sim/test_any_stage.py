@@ -27,9 +27,12 @@ from robot_kinds import fleet, four_wheels, mobile, rollers
 
 from lab3_usd.errors import UsageError
 from lab3_usd.model.dry_run import Behaviour
+from lab3_usd.sim.any_stage import _moves
+from lab3_usd.sim.execution.recording import Held, Pose, Recording
 from lab3_usd.sim.execution.world import world_of
+from lab3_usd.sim.judge.expectations import Trial
 from lab3_usd.sim.lidar import sweep
-from lab3_usd.sim.robots import owned_graphs, robots_of, scene_for
+from lab3_usd.sim.robots import expected_of, owned_graphs, robots_of, scene_for
 from lab3_usd.spec.load.loader import load_platform
 from lab3_usd.stage.read.scene import read_scene
 
@@ -876,3 +879,10 @@ def test_an_image_and_its_camera_info_have_one_clock(
         port.Set(is_system)
     camera = by_name(played(stage, tmp_path))["camera"]
     assert camera.verdict == verdict
+
+
+@pytest.mark.parametrize(("ends_at", "moves"), [(0.7855001, False), (0.7875, True)])
+def test_noise_in_the_position_of_a_joint_is_no_motion(ends_at: float, *, moves: bool) -> None:
+    held = [Held(0, at, {}, {"hinge": at}, {}, {}) for at in (0.7854999, ends_at)]
+    recording = Recording(path=[Pose(0, 0.0, "idle", 0.0, 0.0, 0.0)], held=held)
+    assert _moves(Trial(recording, (), expected_of(None))) is moves

@@ -49,7 +49,7 @@ from lab3_usd.sim.timeline import uncollected
 
 THROUGH = 0.02  # part of a range by which a ray may be longer
 REPEATED = 4  # times that a transform comes which is no static one
-_DIGITS = 3  # of metres or radians: less is numerical noise
+_MOVED = 1e-3  # metres or radians; less is numerical noise
 # What a node says of commands for another robot, of the value of a moment, or of its own switch.
 _PASSING: tuple[FaultKind, ...] = (
     "wrong-topic", "wrong-domain", "no-number-input", "switched-off",
@@ -124,9 +124,9 @@ def effects_of(stage: Any, platform: Platform) -> frozenset[str]:
 
 def _moves(trial: Trial) -> bool:
     """Whether a robot goes anywhere, or one of its joints does."""
-    held = (each.positions.values() for each in trial.recording.held)
-    stands = {tuple(round(at, _DIGITS) for at in positions) for positions in held}
-    return not trial.never_moves() or len(stands) > 1
+    of_joints = zip(*(each.positions.values() for each in trial.recording.held), strict=False)
+    ways = (max(positions) - min(positions) for positions in of_joints)
+    return not trial.never_moves() or any(way > _MOVED for way in ways)
 
 
 def _failing(plays: Sequence[Judged], whole: Sequence[Check]) -> Iterator[RunFault]:
