@@ -122,10 +122,12 @@ def _definitions() -> dict[str, dict[str, Any]]:
         inner = fields[field]
         inner = next((option for option in inner.get("anyOf", ()) if len(option) > 1), inner)
         in_list = {"type": "array", "items": entries}
-        if inner.get("additionalProperties", {}).get("type") == "array":
-            entries = in_list
-        is_list = inner["type"] == "array"
-        fields[field] = in_list if is_list else {"type": "object", "additionalProperties": entries}
+        if inner["type"] == "array":
+            fields[field] = in_list
+        else:
+            is_of_lists = inner.get("additionalProperties", {}).get("type") == "array"
+            of_each = in_list if is_of_lists else entries
+            fields[field] = {"type": "object", "additionalProperties": of_each}
         if key:
             described = definitions[entry.__name__]
             described["properties"].pop(key, None)

@@ -323,7 +323,8 @@ def _check_requirements(
     ids = [requirement.id for requirement in requirements]
     wrong = [("groups", name) for name in item.groups if not fits_any(name, groups)]
     wrong += [("requirements", name) for name in item.requirements if not fits_any(name, ids)]
-    for key, pattern in wrong:
+    if wrong:
+        key, pattern = wrong[0]
         raise SpecError(
             f"{place}: '{pattern}' in '{key}' is nothing that checkpoint {item.checkpoint} "
             f"asks for; its groups are {', '.join(groups)}"

@@ -55,10 +55,8 @@ def own_frames(trial: Trial, scene: Scene, machine: Machine) -> Iterator[RunFaul
             text = f"{first.frame} does not move with {trial.wanted.base}, and {first.topic} shows"
             yield RunFault(f"{text} {first.data.sensor}", "loose-sensor", first.node)
             continue
-        frame, place = (
-            in_root(trial, first.frame, first),
-            trial.start.inverse().then(first.data.place),
-        )
+        frame = in_root(trial, first.frame, first)
+        place = trial.start.inverse().then(first.data.place)
         off = None if frame is None else frame.inverse().then(place)
         yield from _misplaced(first, off, scene, machine)
 

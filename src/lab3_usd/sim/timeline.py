@@ -317,9 +317,15 @@ def trial_of(player: Player, drive: Sequence[Session], wanted: Expected) -> Tria
 
     def walls(at: Affine, scan: Scan) -> tuple[float, ...]:
         """Return what a lidar would see there."""
-        angles, limits = (scan.angle_min, scan.angle_increment), (scan.range_min, scan.range_max)
+        beam = Beam(
+            scan.angle_min,
+            scan.angle_increment,
+            len(scan.ranges),
+            scan.range_min,
+            scan.range_max,
+        )
         around = world.surroundings.around(in_metres(at, 1.0 / unit))
-        return measured(Beam(*angles, len(scan.ranges), *limits), tuple(around), unit)
+        return measured(beam, tuple(around), unit)
 
     def cut_room() -> tuple[Segment, ...]:
         return _room(player, start)
