@@ -292,6 +292,16 @@ DESCRIBED = {
         "'/Hall/Bnch' is not a prim, '/Hall/Bench' is; `build` makes what has a `type`",
         "/Hall/Bnch",
     ),
+    "a path beside another that nothing makes": (
+        (
+            "junk: {",
+            """foot: {path: /Hall/Bnch, handout: B2, from: furnished}
+  feet: {path: /Hall/Bnchs, count: 0, handout: B2, from: furnished}
+  junk: {""",
+        ),
+        "'/Hall/Bnch' is not a prim, '/Hall/Bench' is; `build` makes what has a `type`",
+        "/Hall/Bnch",
+    ),
     "an asset": (
         ("props/bench.usda", "props/banch.usda"),
         "there is no file 'props/banch.usda', 'props/bench.usda' is there",

@@ -84,7 +84,7 @@ def known_scenes(lab: Lab, stages: Sequence[KnownScene]) -> KnownScenes:
     """
     scenes = (*_starter_scene(lab), *stages)
     things = tuple(lab.scene.props.values())
-    made = {thing.path for thing in things if "*" not in thing.path}
+    made = {thing.path for thing in things if _makes(thing) and "*" not in thing.path}
     made |= {sensor.path for sensor in lab.sensors.values()}
     for graph in lab.graphs.values():
         made |= {graph.path, *(f"{graph.path}/{role}" for role in graph.nodes)}
