@@ -530,6 +530,18 @@ def test_an_arm_whose_states_come_as_commands_hears_itself(tmp_path: Path) -> No
     assert "on which /ActionGraph/command reads them as commands" in check.message
 
 
+def test_joints_that_come_by_message_are_not_those_of_numbers_beside_them(tmp_path: Path) -> None:
+    layer = arm().Flatten()
+    Sdf.CopySpec(layer, "/ActionGraph", layer, "/Second")
+    stage = Usd.Stage.Open(layer)
+    for graph in ("/ActionGraph", "/Second"):
+        controller = stage.GetPrimAtPath(f"{graph}/controller")
+        controller.CreateAttribute("inputs:jointIndices", Sdf.ValueTypeNames.IntArray).Set([1])
+    command = stage.GetPrimAtPath("/Second/command")
+    command.CreateAttribute("inputs:topicName", Sdf.ValueTypeNames.String).Set("other_command")
+    assert "commands" not in by_name(played(stage, tmp_path))
+
+
 def test_legs_are_no_wheels() -> None:
     stage = empty_stage("Z", 1.0)
     body(stage, "/dog/trunk", (0, 0, 0.5)).AddAppliedSchema("PhysicsArticulationRootAPI")

@@ -241,9 +241,9 @@ def _moved_by(controller: NodeInstance, machine: Machine | None, world: World) -
     """Return the joints that a controller moves, none where they come with the commands."""
     if machine is None:
         return frozenset()
-    names = named_joints(controller, machine, world)
-    is_by_message = "jointNames" in controller.fed
-    return frozenset(names if names or is_by_message else machine.articulated)
+    if "jointNames" in controller.fed:
+        return frozenset(map(str, controller.items("jointNames", world)))
+    return frozenset(named_joints(controller, machine, world) or machine.articulated)
 
 
 def _reach(controller: NodeInstance, machine: Machine | None, player: Player) -> Reach:
