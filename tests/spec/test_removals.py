@@ -141,6 +141,14 @@ def test_a_removal_of_what_no_scene_has_is_a_warning(
     assert told == ([] if is_there else [f"'{path}' is not a prim, '{CRATE}' is"])
 
 
+def test_a_removal_of_what_a_thing_that_is_made_does_not_have_is_a_warning(tmp_path: Path) -> None:
+    lab = lab_that_removes(tmp_path / "lab", "[/World/Box/Lid]")
+    with (lab / "scene.yaml").open("a") as scene:
+        scene.write('\nprops: {box: {path: /World/Box, type: Cube, handout: A1, from: "2"}}\n')
+    (told,) = (fault.message for fault in lab_faults(load_lab(lab)) if "removes" in fault.key)
+    assert told.startswith("'/World/Box/Lid' is not a prim")
+
+
 def test_a_new_rubric_counts_what_a_checkpoint_removes_or_furnishes() -> None:
     steps = [
         Step("1", "start", "Start", "A"),

@@ -279,9 +279,11 @@ def _absent_removals(lab: Lab, scenes: KnownScenes) -> Iterator[LabFault]:
     A warning: students may have made it in an earlier part that the lab does not describe.
     """
     told = set[str]()
+    whole = [graph.path for graph in lab.graphs.values()]
+    whole += (sensor.path for sensor in lab.sensors.values())
     for point in lab.checkpoints.values():
         for path in point.removed:
-            is_inside = any(stands_within(path, own) for own in scenes.made)
+            is_inside = any(stands_within(path, own) for own in whole)
             if path not in told and not is_inside and not scenes.has(path):
                 told.add(path)
                 key = f"checkpoints: '{lab.key_of(point.id)}': removes"
