@@ -235,6 +235,23 @@ def test_no_shape_is_measured_twice(top: str, monkeypatch: pytest.MonkeyPatch) -
     assert len(meshes) == len(set(meshes)) == 40
 
 
+class AskedColliders(colliders.StageColliders):
+    """Colliders that count how often they look at a shape."""
+
+    asked = 0
+
+    def _shape_of(self, prim: Usd.Prim) -> object:
+        self.asked += 1
+        return super()._shape_of(prim)
+
+
+def test_each_shape_is_looked_at_once_however_many_colliders_stand_above() -> None:
+    model = read_model(rocks(40), LAB.platform, "x")
+    asked = AskedColliders(model.prims, model.colliders._reader)
+    assert len(asked.below("/")) == 40
+    assert asked.asked == 2 * 40  # the groups, and a rock in each
+
+
 @pytest.mark.parametrize(("extent", "is_read"), [("[(0, 0, 0), (2, 1, 1)]", 0), ("[]", 1)])
 def test_points_of_a_mesh_are_read_where_no_extent_says_its_bounds(
     extent: str, is_read: int, monkeypatch: pytest.MonkeyPatch

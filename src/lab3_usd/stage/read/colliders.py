@@ -48,7 +48,8 @@ class StageColliders(Colliders):
         self._prims = prims
         self._reader = reader
         self._shapes: dict[str, _Box | None] = {}  # of prims by themselves
-        self._measured: dict[str, Collider | None] = {}  # of collision prims
+        self._boxes: dict[str, _Box | None] = {}  # of collision prims, with what is below them
+        self._measured: dict[str, Collider | None] = {}  # the same in metres
         self._bounds: dict[str, Collider | None] = {}  # by their extents
         self._metres = stage_number(reader.stage.GetMetadata("metersPerUnit"), CENTIMETRES)
 
@@ -72,10 +73,13 @@ class StageColliders(Colliders):
     def measured(self, path: str) -> Collider | None:
         """Return the box of the shapes of a collision prim."""
         if path not in self._measured:
+            start, end = self._spans.get(path, (0, 0))
             with stage_errors(self._reader.name):
-                parts = Usd.PrimRange(prim_at(self._reader.stage, path), _PARTS)
-                corners = [corner for part in parts for corner in self._shape_of(part) or ()]
-            self._measured[path] = self._in_metres(path, box_of(corners) if corners else None)
+                # Those below a prim are measured before it, so that each shape is looked at once.
+                for each in (*reversed(self._paths[start:end]), path):
+                    if each not in self._boxes:
+                        self._boxes[each] = self._measure(each)
+            self._measured[path] = self._in_metres(path, self._boxes[path])
         return self._measured[path]
 
     def shape(self, path: str) -> Collider | None:
@@ -129,6 +133,17 @@ class StageColliders(Colliders):
         if box is None:
             return None
         return Collider(path, scaled(box[0], self._metres), scaled(box[1], self._metres))
+
+    def _measure(self, top: str) -> _Box | None:
+        """Return the box around the shapes at and below a prim."""
+        corners: list[Vector] = []
+        parts = iter(Usd.PrimRange(prim_at(self._reader.stage, top), _PARTS))
+        for part in parts:
+            path = str(Usd.Prim.GetPath(part))
+            if path in self._boxes:
+                parts.PruneChildren()
+            corners += (self._boxes[path] if path in self._boxes else self._shape_of(part)) or ()
+        return box_of(corners) if corners else None
 
     def _shape_of(self, prim: Usd.Prim) -> _Box | None:
         """Return the box around a prim's own shape in the world, in units of the stage."""
