@@ -31,9 +31,9 @@ CHECKLIST_STATES = {
 }
 # What a finding says, in the order of every table and record of findings.
 FINDING_FIELDS = (
-    *("rule", "name", "severity", "prim", "property", "message", "expected", "actual"),
-    *("layer", "line", "column", "handout", "hint", "related"),
-)
+    "rule", "name", "severity", "prim", "property", "message", "expected", "actual",
+    "layer", "line", "column", "handout", "hint", "related",
+)  # fmt: skip
 _NAMED = 3  # assets or types in the line that counts nodes
 
 
@@ -241,6 +241,8 @@ def statistics_table(report: Report) -> list[str]:
         finding = entry.finding
         key = (finding.rule, finding.name, finding.severity)
         paths_by_rule.setdefault(key, []).append(entry.path)
+    if not paths_by_rule:
+        return []
 
     def order(key: tuple[str, str, Severity]) -> tuple[int, str, int]:
         return -len(paths_by_rule[key]), key[0], SEVERITIES.index(key[2])
@@ -250,7 +252,7 @@ def statistics_table(report: Report) -> list[str]:
         rule, name, severity = key
         paths = paths_by_rule[key]
         rows.append((len(paths), len({*paths}), severity, visible(f"{rule} {name}")))
-    return [f"{row[0]:>8}  {row[1]:>5}  {row[2]:<8}  {row[3]}" for row in rows if paths_by_rule]
+    return [f"{row[0]:>8}  {row[1]:>5}  {row[2]:<8}  {row[3]}" for row in rows]
 
 
 def summary_line(summary: Summary) -> str:
