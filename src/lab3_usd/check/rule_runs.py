@@ -142,26 +142,32 @@ def finding_of(rule: Rule, problem: Problem, lab: Lab | None) -> Finding:
     repair = repair_by(problem.fix) if problem.fix and severity != "note" else None
     if repair is not None and problem.likely:
         repair = replace(repair, safe=False)
-    kept: dict[str, Any] = {name: getattr(problem, name) for name in _AS_YIELDED}
     return Finding(
         rule=rule.id,
         name=rule.name,
         severity=severity,
         prim=problem.prim or "/",
+        property=problem.property,
+        message=problem.message,
+        expected=problem.expected,
+        actual=problem.actual,
         handout=problem.handout or section,
         hint=problem.hint or in_words_of(lab, rule.hint) or None,
+        related=problem.related,
         fix=repair,
+        unopened=problem.unopened,
+        unmet=problem.unmet,
+        absent=problem.absent,
         costs=problem.costs or _part_of(rule, problem, lab),
+        assumes=problem.assumes,
+        covers=problem.covers,
+        if_supplied=problem.if_supplied,
         supplied=rule.family in SUPPLIED,
         counted=rule.counted,
-        **kept,
+        identity=problem.identity,
+        span=problem.span,
+        comes_first=problem.comes_first,
     )
-
-
-# What a finding says as the problem does.
-_AS_YIELDED = {*Problem.__struct_fields__} & {*Finding.__struct_fields__} - {
-    *("prim", "severity", "handout", "hint", "fix", "costs")
-}
 
 
 def _as_written(problem: Problem, stage: StageModel) -> Problem:
