@@ -379,9 +379,11 @@ def import_rules(*families: str) -> None:
 def _modules_about_stages(is_lint: bool) -> tuple[str, ...]:  # noqa: FBT001 - a key of the cache
     """Return the modules with rules of lint, or else with those of labs."""
     apart = {module for modules in APART.values() for module in modules}
-    starts = ("lint_", "any_") if is_lint else ("lint_",)
-    names = sorted(file.stem for file in Path(__file__).with_name("rules").glob("[!_]*.py"))
-    return tuple(name for name in names if name not in apart and name.startswith(starts) == is_lint)
+    files = {file.stem for file in Path(__file__).with_name("rules").glob("[!_]*.py")}
+    names = sorted(files - apart)
+    if is_lint:
+        return tuple(name for name in names if name.startswith(("lint_", "any_")))
+    return tuple(name for name in names if not name.startswith("lint_"))
 
 
 @cache

@@ -366,9 +366,9 @@ def limit_needs_time_step(subject: GraphsSubject) -> Iterator[Problem]:
             at_steps = tuple((node.path, step) for step in steps)
             wires = ", ".join(map(short_source, node.sources(port)))
             first = f"delete the wire from {wires}, then " if wires else ""
-            written, effect = "is connected", "where it is not 0, all stops"
-            if is_known := value is not None:
-                written, effect = f"is {display(value)}", "the robot never moves"
+            is_known = value is not None
+            written = f"is {display(value)}" if is_known else "is connected"
+            effect = "the robot never moves" if is_known else "where it is not 0, all stops"
             yield Problem(
                 node.path,
                 f"{port} {written} while {steps[0]} is 0: {effect}",
