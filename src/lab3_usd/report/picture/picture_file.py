@@ -35,14 +35,15 @@ def encoder(form: str, theme: Theme = "auto") -> Callable[[Picture], bytes]:
 
 def file_names(stem: str, pictures: Iterable[Picture]) -> Iterator[str]:
     """Yield a name for the file of each picture, all different where case does not count."""
-    seen: set[str] = set()
+    numbers: dict[str, int] = {}  # the last one behind each name
     for picture in pictures:
         name = free = stem + re.sub(r"[^\w-]", "_", picture.title)
-        number = 1
-        while free.casefold() in seen:
+        number = numbers.get(name.casefold(), 1)
+        while free.casefold() in numbers:
             number += 1
             free = f"{name}-{number}"
-        seen.add(free.casefold())
+        numbers[name.casefold()] = number
+        numbers.setdefault(free.casefold(), 1)
         yield free
 
 
