@@ -7,12 +7,15 @@ from pathlib import Path
 import pytest
 from breaking import correct_stage
 from lone_nodes import COMPOUND, into_compound
+from msgspec.structs import replace
 from pxr import Sdf, Usd
 
 from lab3_usd.fix.repairing import FixOptions, fix_stage
+from lab3_usd.isaac.names import OtherName
 from lab3_usd.pipeline.stage import check_stage
 from lab3_usd.sim.dry_run import dry_run
-from lab3_usd.spec.load.loader import load_lab
+from lab3_usd.spec.load.loader import load_lab, load_platform
+from lab3_usd.stage.read.scene import read_scene
 
 GRAPH = "/turtlebot3_burger/ROS_Drive"
 NAMES = ["constant_left_joint", "constant_right_joint", "make_array"]
@@ -49,6 +52,21 @@ def test_a_compound_in_a_compound_is_right(tmp_path: Path) -> None:
 def test_a_robot_drives_whose_graph_has_a_compound(tmp_path: Path) -> None:
     behaviour = dry_run(with_compound(tmp_path, SELECTIONS[1]), load_lab(), "05").behaviour
     assert (behaviour.verdict, behaviour.not_simulated) == ("ok", ())
+
+
+def test_a_wire_out_of_a_compound_comes_from_a_port_by_its_own_name() -> None:
+    kind, out = "isaacsim.robot.wheeled_robots.DifferentialController", "outputs:velocityCommand"
+    platform = load_platform()
+    names = replace(platform.names, ports={kind: {"outputs:speeds": OtherName(out, "4.5")}})
+    layer = Sdf.Layer.CreateAnonymous(".usda")
+    text = correct_stage("05").ExportToString()
+    layer.ImportFromString(text.replace(out, "outputs:speeds"))
+    stage = Usd.Stage.Open(layer)
+    into_compound(stage, GRAPH, ["differential_controller"], "group")
+    scene = read_scene(stage, replace(platform, names=names))
+    nodes = {node.path: node for graph in scene.graphs for node in graph.nodes}
+    taken = nodes[f"{GRAPH}/articulation_controller"].inputs["inputs:velocityCommand"].sources
+    assert taken == (f"{GRAPH}/group/Graph/differential_controller.{out}",)
 
 
 def test_a_joint_that_is_misspelt_in_a_compound_is_found(tmp_path: Path) -> None:

@@ -80,17 +80,18 @@ def read_scene(stage: Usd.Stage, platform: Platform) -> Scene:
             prims[path] = _prim(prim, path, kind, time, prims, missing)
     users = _only_users(prims, platform)
     types = {node.path: node.type for members in nodes.values() for node in members}
-    port_names = {path: platform.other_ports(kind) for path, kind in types.items()}
     nodes = {
-        graph: [_named(_used_by(node, users.get(graph), platform), port_names) for node in members]
+        graph: [_used_by(node, users.get(graph), platform) for node in members]
         for graph, members in nodes.items()
     }
     compounds = compounds_in(stage, graphs, types, platform.building.compound)
     opened = opened_scene_nodes((node for members in nodes.values() for node in members), compounds)
     by_path = {node.path: node for node in opened}
     compounds.move(nodes)
+    # Only now do wires out of compounds come from the nodes in them.
+    port_names = {path: platform.other_ports(kind) for path, kind in types.items()}
     nodes = {
-        graph: [by_path[node.path] for node in members if node.path in by_path]
+        graph: [_named(by_path[node.path], port_names) for node in members if node.path in by_path]
         for graph, members in nodes.items()
     }
     named = (
