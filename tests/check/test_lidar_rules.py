@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import pytest
+from other_labs import copied
 from pxr import Gf, Sdf, Usd, UsdGeom, UsdPhysics
 from scene_stages import (
     CAMERA,
@@ -209,6 +212,20 @@ def test_a_lidar_duplicated_with_its_graph_is_one_mistake() -> None:
 
 def test_a_scan_rate_that_is_not_written_is_that_of_the_schema() -> None:
     assert found_after("03", clear(LIDAR, TURNS)) == []
+
+
+def test_a_rate_that_is_asked_where_it_is_written_is_compared_with_that_of_the_schema(
+    tmp_path: Path,
+) -> None:
+    folder = copied(tmp_path / "lab")
+    scene = folder / "scene.yaml"
+    asked = "{type: float, value: 10.0, required: true, handout: "
+    there = asked.replace("10.0, required: true", "20.0, required: if authored")
+    scene.write_text(scene.read_text().replace(f'"{TICK}": {asked}', f'"{TICK}": {there}'))
+    lab, stage = load_lab(folder), built("03")
+    clear(LIDAR, TICK)(stage)
+    found = judge(lab, lab.checkpoints["03"], model_of(stage)).findings
+    assert ("L05", TICK) in {(finding.rule, finding.property) for finding in found}
 
 
 def test_rates_of_a_lidar_without_its_schema_have_no_values_of_their_own() -> None:

@@ -282,8 +282,8 @@ def wrong_attributes(
     """
     prim, related = sensor.prim, sensor.place.related
     for name, entry in required.items():
-        actual, wanted = prim.attributes.get(name), entry.value
-        if same_value(value_of(name), wanted) or (actual is None and entry.required is not True):
+        actual, wanted, value = prim.attributes.get(name), entry.value, value_of(name)
+        if same_value(value, wanted) or (value is None and entry.required is not True):
             continue
         expected, actual_text = display(wanted), display(actual)
         default_text = "" if actual is not None else ", which leaves the default of its schema"
