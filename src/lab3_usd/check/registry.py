@@ -7,6 +7,7 @@ import inspect
 from collections.abc import Callable, Iterable, Iterator
 from contextlib import contextmanager
 from functools import cache
+from itertools import chain
 from os.path import realpath
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal, TypeVar, get_args
@@ -370,17 +371,17 @@ def scene_demands() -> tuple[Demands, ...]:
 @cache
 def import_rules(*families: str) -> None:
     """Import the rules of families, so that asking for them takes no time."""
-    for family in families:
-        for module in APART.get(family) or _modules_about_stages(family in OF_LINT):
-            importlib.import_module(f"lab3_usd.check.rules.{module}")
+    modules = (APART.get(family) or _modules_about_stages(family in OF_LINT) for family in families)
+    for module in dict.fromkeys(chain.from_iterable(modules)):
+        importlib.import_module(f"lab3_usd.check.rules.{module}")
 
 
 @cache
 def _modules_about_stages(is_lint: bool) -> tuple[str, ...]:  # noqa: FBT001 - a key of the cache
     """Return the modules with rules of lint, or else with those of labs."""
     apart = {module for modules in APART.values() for module in modules}
-    files = {file.stem for file in Path(__file__).with_name("rules").glob("[!_]*.py")}
-    names = sorted(files - apart)
+    files = {file.stem for file in Path(__file__).with_name("rules").iterdir()}
+    names = sorted(name for name in files - apart if not name.startswith("_"))
     if is_lint:
         return tuple(name for name in names if name.startswith(("lint_", "any_")))
     return tuple(name for name in names if not name.startswith("lint_"))

@@ -226,6 +226,8 @@ class NodeType(Struct, frozen=True, dict=True, eq=False):
 
     def _made(self, name: str) -> Port | None:
         """Return a port that only some nodes of the type have."""
+        if not (self.grows or self.grows_by_message or self.dynamic):
+            return None
         for pattern, grown in self.grows.items():
             if _fits(name, pattern):
                 return replace(grown, name=name)

@@ -195,5 +195,7 @@ def source_paths(source: Node, wire: Wire, equivalents: Mapping[str, str]) -> li
 
 def is_fed(source: Node, target: Node, wire: Wire, equivalents: Mapping[str, str]) -> bool:
     """Whether `wire` enters `target` from its source or from a stand-in of that."""
-    accepted = source_paths(source, wire, equivalents)
-    return any(path in accepted for path in target.sources(wire.target.port))
+    sources = target.sources(wire.target.port)
+    return source_path(source, wire) in sources or any(
+        path in sources for path in source_paths(source, wire, equivalents)
+    )
