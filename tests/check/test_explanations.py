@@ -74,6 +74,12 @@ def test_what_lint_says_of_a_joint_or_a_body_explains_only_faults_that_it_finds(
     assert explained(replace(finding("K22", SOURCE), property="inputs:value")) == "K22"
 
 
+def test_what_lint_says_of_a_stereo_pair_explains_that_no_camera_info_is_sent() -> None:
+    sizes = replace(CHECK, kind="image-info-sizes-differ")
+    assert explained(finding("K79", NODE), check=sizes) == "K79"
+    assert explained(finding("K79", ELSEWHERE), check=sizes) == ""
+
+
 def test_what_did_not_happen_is_not_explained_by_something_else() -> None:
     unseen = replace(CHECK, verdict="not judged", prim="", rests_on=())
     assert explaining_finding(unseen, [finding("K44", NODE, "warning")]) is None

@@ -112,6 +112,12 @@ def test_what_a_written_attribute_may_move_is_not_judged(
     assert here.unplayed[""] == f"not simulated: /Graph/node changes {name} of /Belt"
 
 
+def test_a_view_that_the_application_makes_is_written_to_in_every_stage() -> None:
+    here = with_belt((0.0, 0.0, 0.0))
+    assert writing("focalLength", "/OmniverseKit_Persp", here).failure is None
+    assert here.unplayed == {}
+
+
 def test_a_prim_that_is_not_there_is_not_written_to() -> None:
     writer = writing("visibility", "/Gone", with_belt((0.0, 0.0, 0.0)))
     assert writer.failure is not None

@@ -174,6 +174,7 @@ _ALSO: Mapping[FaultKind, Sequence[str]] = {
     "duplicate-publisher": ("L07", "N07"),
     "several-parents": ("K59",),
     "several-publishers": ("K59",),
+    "image-info-sizes-differ": ("K79",),
     "silent-topic": ("G01",),
     "wrong-stamp": ("P09", "K45", "K46"),
 }

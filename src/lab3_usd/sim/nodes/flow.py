@@ -70,6 +70,8 @@ def write_prim_attribute(node: NodeInstance, world: World) -> bool:
     """
     named = (node.text("primPath", world),) if node.flag("usePath", world) else node.targets("prim")
     name, path = node.text("name", world), next(iter(named), "")
+    if path in world.platform.application_prims:
+        return node.goes_on()  # a view, which the application makes in every stage
     prim = world.scene.prims.get(path)
     if prim is None or not name:
         return node.fails(f"there is no {path or 'prim'} to write to", "no-target-prim")
